@@ -1,0 +1,1 @@
+"""Words, bytes, time, sockets and logs; imports nothing else of this project."""

@@ -1,0 +1,58 @@
+"""The one place that reads the time. Everything else is handed a time, or a clock."""
+
+from __future__ import annotations
+
+import resource
+import time
+from datetime import UTC, datetime
+from typing import Protocol
+
+
+class Clock(Protocol):
+    """Nanoseconds of the run clock: 0 = the operator's start."""
+
+    def now_ns(self) -> int:
+        """Time now [ns]."""
+
+
+class MonotonicClock:
+    """CLOCK_MONOTONIC less the run's zero; the same zero in every process of one host."""
+
+    def __init__(self, zero_ns: int) -> None:
+        self.zero_ns = zero_ns
+
+    def now_ns(self) -> int:
+        """Time now on the run clock [ns]."""
+        return time.monotonic_ns() - self.zero_ns
+
+
+def new_run_clock() -> MonotonicClock:
+    """A run clock whose zero is now."""
+    return MonotonicClock(time.monotonic_ns())
+
+
+def utc_now() -> datetime:
+    """Wall time, for names and metadata only."""
+    return datetime.now(UTC)
+
+
+def stopwatch_s() -> float:
+    """Seconds from an arbitrary zero, to time computations with."""
+    return time.perf_counter()
+
+
+def cpu_s() -> float:
+    """Processor seconds used by this process and its ended children."""
+    own, ended = resource.getrusage(resource.RUSAGE_SELF), resource.getrusage(resource.RUSAGE_CHILDREN)
+    return own.ru_utime + own.ru_stime + ended.ru_utime + ended.ru_stime
+
+
+def timer_lateness_ns(period_ns: int, ticks: int) -> list[int]:
+    """How late this machine wakes a sleeper on absolute deadlines [ns]; takes ticks * period_ns."""
+    zero = time.monotonic_ns()
+    lateness = []
+    for k in range(1, ticks + 1):
+        deadline = zero + k * period_ns
+        time.sleep(max(0, deadline - time.monotonic_ns()) * 1e-9)
+        lateness.append(time.monotonic_ns() - deadline)
+    return lateness

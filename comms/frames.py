@@ -1,0 +1,97 @@
+"""Pictures over ZeroMQ push/pull: head and pixels as two parts, never blocking the sender."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import msgspec
+import numpy as np
+import zmq
+
+from comms.codec import Closing, Reject, decode, encode, encode_closing
+from comms.errors import PortInUse
+from comms.messages import Frame
+
+HIGH_WATER = 4  # pictures waiting; at 50 Hz more than that is old news
+LINGER_MS = 500
+RECONNECT_MS = 5  # the receiver may bind after we connect; at 50 Hz the queue is full in 80 ms
+
+
+class FrameSender:
+    """Pushes frames to one receiver; a full queue loses the frame and says so."""
+
+    def __init__(self, context: zmq.Context[zmq.Socket[bytes]], host: str, port: int, channel: str, session: int) -> None:
+        self._socket = context.socket(zmq.PUSH)
+        self._socket.setsockopt(zmq.SNDHWM, HIGH_WATER)
+        self._socket.setsockopt(zmq.LINGER, LINGER_MS)
+        self._socket.setsockopt(zmq.RECONNECT_IVL, RECONNECT_MS)
+        self._socket.connect(f"tcp://{host}:{port}")
+        self._channel, self._session = channel, session
+
+    def send(self, frame: Frame) -> bool:
+        """False when the queue is full (or nobody has connected yet)."""
+        head = encode(self._channel, frame, self._session)
+        return self._push([head, np.ascontiguousarray(frame.pixels).data])
+
+    def close(self, count: int, t_ns: int) -> None:
+        """Say how many frames were sent, and give the socket back."""
+        self._push([encode_closing(self._channel, count, t_ns, self._session)])
+        self._socket.close()
+
+    def _push(self, parts: list[bytes | memoryview]) -> bool:
+        try:
+            self._socket.send_multipart(parts, zmq.NOBLOCK)
+        except zmq.Again:
+            return False
+        return True
+
+
+class FrameReceiver:
+    """Pulls frames; pixels are a read-only view of the received buffer."""
+
+    def __init__(self, context: zmq.Context[zmq.Socket[bytes]], host: str, port: int, channel: str, session: int) -> None:
+        self._socket = context.socket(zmq.PULL)
+        self._socket.setsockopt(zmq.RCVHWM, HIGH_WATER)
+        self._channel, self._session = channel, session
+        try:
+            self._socket.bind(f"tcp://{host}:{port}")
+        except zmq.ZMQError as error:
+            self._socket.close(0)
+            raise PortInUse(
+                f"TCP port {port} on {host} for channel '{channel}': {error}; "
+                "stop what uses it, or set network.base_port to another range (0 = free ports)"
+            ) from error
+
+    def fileno(self) -> int:
+        """For select; edge-triggered, so drain until nothing is left."""
+        return int(self._socket.getsockopt(zmq.FD))
+
+    def drain(self) -> Iterator[Frame | Closing | Reject]:
+        """Frames waiting now, oldest first."""
+        while True:
+            try:
+                parts = self._socket.recv_multipart(zmq.NOBLOCK, copy=False)
+            except zmq.Again:
+                return
+            yield self._decode([part.buffer for part in parts])
+
+    def close(self) -> None:
+        """Give the port back."""
+        self._socket.close(0)
+
+    def _decode(self, parts: list[memoryview]) -> Frame | Closing | Reject:
+        head = decode(self._channel, bytes(parts[0]), self._session)
+        if isinstance(head, Frame):
+            return with_pixels(head, parts[1] if len(parts) == 2 else memoryview(b""))
+        return head if isinstance(head, Closing | Reject) else Reject.CHANNEL
+
+
+def with_pixels(head: Frame, data: memoryview) -> Frame | Reject:
+    """The frame whose head and pixel bytes came apart."""
+    planes = {"mono8": 1, "bgr8": 3}.get(head.encoding)
+    if planes is None:
+        return Reject.OUT_OF_RANGE
+    if len(data) != head.height * head.width * planes:
+        return Reject.LENGTH
+    shape = (head.height, head.width) if planes == 1 else (head.height, head.width, 3)
+    return msgspec.structs.replace(head, pixels=np.frombuffer(data, dtype=np.uint8).reshape(shape))

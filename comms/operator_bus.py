@@ -1,0 +1,202 @@
+"""The operator's wires: commands and replies (request/reply), taps of every message, pictures apart.
+
+Tasks call out to the operator, so a task needs no port of its own for this. Every part is JSON or a datagram of the
+codec; nothing that arrives is executed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import msgspec
+import zmq
+
+from comms.errors import PortInUse
+from comms.messages import Command, Reply
+from comms.records import Event, LinkRow, Receipts, Timing
+
+TAP_HIGH_WATER = 20_000
+PICTURE_HIGH_WATER = 2  # pictures are the first to be dropped
+LINGER_MS = 1000
+Context = zmq.Context[zmq.Socket[bytes]]
+
+_RECORDS: dict[str, type] = {kind.__name__: kind for kind in (Receipts, Timing, LinkRow, Event)}
+_encode = msgspec.json.encode
+
+
+class Tapped(NamedTuple):
+    """A message of a channel as its sender put it on the wire (pixels only with a picture)."""
+
+    channel: str
+    data: bytes
+    pixels: bytes | None
+
+
+class Hello(NamedTuple):
+    """A task's sockets are open; it waits for the first heartbeat."""
+
+
+class Record(NamedTuple):
+    """A task's own record for the log."""
+
+    record: Receipts | Timing | LinkRow | Event
+
+
+class TaskBus:
+    """A task's end: receives commands and heartbeats, sends replies, records and taps."""
+
+    def __init__(self, context: Context, task: str, commands: str, taps: str, pictures: str) -> None:
+        self._commands = context.socket(zmq.DEALER)
+        self._commands.setsockopt(zmq.IDENTITY, task.encode())
+        self._taps, self._pictures = context.socket(zmq.PUSH), context.socket(zmq.PUSH)
+        self._taps.setsockopt(zmq.SNDHWM, TAP_HIGH_WATER)
+        self._pictures.setsockopt(zmq.SNDHWM, PICTURE_HIGH_WATER)
+        for socket, address in ((self._commands, commands), (self._taps, taps), (self._pictures, pictures)):
+            socket.setsockopt(zmq.LINGER, LINGER_MS)
+            socket.connect(address)
+        self.dropped_taps = 0
+        self.dropped_pictures = 0
+
+    def fileno(self) -> int:
+        """For select; edge-triggered, so drain until nothing is left."""
+        return int(self._commands.getsockopt(zmq.FD))
+
+    def drain(self) -> Iterator[Command | None]:
+        """Commands waiting now; None is a heartbeat."""
+        while True:
+            try:
+                data = self._commands.recv(zmq.NOBLOCK)
+            except zmq.Again:
+                return
+            yield msgspec.json.decode(data, type=Command) if data else None
+
+    def hello(self) -> None:
+        """Our sockets are open."""
+        self._commands.send_multipart([b"hello"])
+
+    def reply(self, reply: Reply) -> None:
+        """Answer the operator."""
+        self._commands.send_multipart([b"reply", _encode(reply)])
+
+    def record(self, record: Receipts | Timing | LinkRow | Event) -> None:
+        """Something for the log that must not be lost."""
+        self._commands.send_multipart([type(record).__name__.encode(), _encode(record)])
+
+    def tap(self, channel: str, data: bytes) -> None:
+        """A message just sent, for the log; dropped and counted when the operator cannot follow."""
+        try:
+            self._taps.send_multipart([channel.encode(), data], zmq.NOBLOCK)
+        except zmq.Again:
+            self.dropped_taps += 1
+
+    def picture(self, channel: str, data: bytes, pixels: bytes) -> None:
+        """A picture for the log, on a queue of its own that drops first."""
+        try:
+            self._pictures.send_multipart([channel.encode(), data, pixels], zmq.NOBLOCK)
+        except zmq.Again:
+            self.dropped_pictures += 1
+
+    def close(self) -> None:
+        """Give the sockets back, after what was said is delivered."""
+        for socket in (self._commands, self._taps, self._pictures):
+            socket.close()
+
+
+class OperatorBus:
+    """The operator's end; addresses are handed to the tasks."""
+
+    def __init__(self, context: Context, host: str, port: int = 0) -> None:
+        """port 0 takes free ports; else port, port + 1 and port + 2."""
+        self._commands = context.socket(zmq.ROUTER)
+        self._taps, self._pictures = context.socket(zmq.PULL), context.socket(zmq.PULL)
+        self._taps.setsockopt(zmq.RCVHWM, TAP_HIGH_WATER)
+        self._pictures.setsockopt(zmq.RCVHWM, PICTURE_HIGH_WATER)
+        self.commands = _bind(self._commands, host, port)
+        self.taps = _bind(self._taps, host, port and port + 1)
+        self.pictures = _bind(self._pictures, host, port and port + 2)
+
+    def send(self, command: Command) -> None:
+        """To a task that has spoken before; to others it goes nowhere."""
+        self._commands.send_multipart([command.to.encode(), _encode(command)])
+
+    def heartbeat(self, task: str) -> None:
+        """Tell a task that the operator lives."""
+        self._commands.send_multipart([task.encode(), b""])
+
+    def answer(self, client: bytes, text: str) -> None:
+        """Answer a second terminal."""
+        self._commands.send_multipart([client, b"", text.encode()])
+
+    def wait(self, timeout_ms: int) -> None:
+        """Return when something arrives, or after timeout_ms."""
+        zmq.select([self._commands, self._taps, self._pictures], [], [], timeout_ms / 1000)
+
+    def drain(self) -> Iterator[tuple[bytes, Hello | Reply | Record | Tapped | str]]:
+        """What tasks and terminals said, with who said it; a str is a request of a second terminal."""
+        for socket in (self._taps, self._pictures):
+            yield from _drain_taps(socket)
+        yield from self._drain_commands()
+
+    def close(self) -> None:
+        """Give the ports back."""
+        for socket in (self._commands, self._taps, self._pictures):
+            socket.close(200)
+
+    def _drain_commands(self) -> Iterator[tuple[bytes, Hello | Reply | Record | str]]:
+        while True:
+            try:
+                who, *parts = self._commands.recv_multipart(zmq.NOBLOCK)
+            except zmq.Again:
+                return
+            said = _understand(parts)
+            if said is not None:
+                yield who, said
+
+
+def _understand(parts: list[bytes]) -> Hello | Reply | Record | str | None:
+    try:
+        if parts == [b"hello"]:
+            return Hello()
+        if len(parts) == 2 and parts[0] == b"":
+            return parts[1].decode()
+        if len(parts) == 2 and parts[0] == b"reply":
+            return msgspec.json.decode(parts[1], type=Reply)
+        if len(parts) == 2 and parts[0].decode() in _RECORDS:
+            return Record(msgspec.json.decode(parts[1], type=_RECORDS[parts[0].decode()]))
+    except (msgspec.MsgspecError, UnicodeDecodeError):
+        return None
+    return None
+
+
+def _drain_taps(socket: zmq.Socket[bytes]) -> Iterator[tuple[bytes, Tapped]]:
+    while True:
+        try:
+            channel, data, *pixels = socket.recv_multipart(zmq.NOBLOCK)
+        except zmq.Again:
+            return
+        yield b"", Tapped(channel.decode(), data, pixels[0] if pixels else None)
+
+
+def _bind(socket: zmq.Socket[bytes], host: str, port: int) -> str:
+    try:
+        socket.bind(f"tcp://{host}:{port or '*'}")
+    except zmq.ZMQError as error:
+        socket.close(0)
+        raise PortInUse(
+            f"TCP port {port} on {host} for the operator's bus: {error}; "
+            "stop what uses it, or set network.base_port to another range (0 = free ports)"
+        ) from error
+    return bytes(socket.getsockopt(zmq.LAST_ENDPOINT)).rstrip(b"\0").decode()
+
+
+def ask(address: str, request: str, timeout_ms: int) -> str | None:
+    """Ask a running operator from another process; None when nobody answers in time."""
+    with zmq.Context() as context:
+        socket = context.socket(zmq.REQ)
+        socket.setsockopt(zmq.LINGER, 0)
+        socket.connect(address)
+        socket.send(request.encode())
+        answer = socket.recv().decode() if socket.poll(timeout_ms) else None
+        socket.close(0)
+        return answer

@@ -1,0 +1,332 @@
+"""The wall runner: one task in one process, real sockets, absolute deadlines.
+
+A late tick is counted, never made up; ticks that are due go before messages that arrive at the same time.
+"""
+
+from __future__ import annotations
+
+import gc
+import heapq
+import select
+import signal
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import msgspec
+import zmq
+
+from comms.channels import CHANNELS, Transport, received_by, sent_by
+from comms.clock import Clock, MonotonicClock
+from comms.codec import Closing, Reject, decode, encode, encode_closing
+from comms.errors import CommsError
+from comms.frames import FrameReceiver, FrameSender
+from comms.link import LinkCount, LinkFaults, LinkModel, SequenceWindow
+from comms.messages import Frame, Message, Phase, Reference, Reply, Verb
+from comms.operator_bus import Context, TaskBus
+from comms.records import Event, LinkRow, Receipts, Timing
+from comms.task import Step, Task
+from comms.udp import UdpReceiver, UdpSender
+
+MS = 1_000_000  # ns
+LONGEST_WAIT_NS = 50 * MS  # the edge of a ZeroMQ descriptor can be missed; look again then
+RECORD_EVERY_NS = 250 * MS
+DRAIN_NS = 200 * MS  # after the last send, beyond the link's own delay
+OPERATOR_SILENT_NS = 3_000 * MS
+ADMISSION_NS = 30_000 * MS  # the slowest task's imports on a busy machine
+CLOSINGS = 3  # copies of the closing datagram
+ORPHANED, REFUSED = 5, 3  # exit codes
+
+
+class Wiring(msgspec.Struct, frozen=True, kw_only=True):
+    """Where a task's channels go; made by the operator, handed over on standard input."""
+
+    session: int
+    seed: int
+    zero_ns: int
+    host: str
+    ports: dict[str, int]
+    commands: str
+    taps: str
+    pictures: str
+    faults: dict[str, LinkFaults] = {}
+    pictures_hz: float = 2.0
+
+
+def main(build: Callable[[bytes], Task]) -> int:
+    """Body of a task's __main__: {"wiring": ..., "settings": ...} on standard input; returns the exit code."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # only the operator acts on Ctrl-C
+    parts = msgspec.json.decode(sys.stdin.buffer.read(), type=dict[str, msgspec.Raw])
+    wiring = msgspec.json.decode(parts["wiring"], type=Wiring)
+    task = build(bytes(parts["settings"]))
+    try:
+        runner = WallRunner(task, wiring, MonotonicClock(wiring.zero_ns))
+    except CommsError as error:
+        sys.stderr.write(f"{error}\n")
+        return REFUSED
+    return runner.run()
+
+
+class WallRunner:
+    """Carries out the steps of one task until it exits."""
+
+    def __init__(self, task: Task, wiring: Wiring, clock: Clock) -> None:
+        self._task, self._wiring, self._clock = task, wiring, clock
+        self._context: Context = zmq.Context()
+        self._out = {name: _Out(name, wiring, self._context) for name in sent_by(task.name)}
+        self._in = {name: _In(name, wiring, self._context) for name in received_by(task.name)}
+        self._bus = TaskBus(self._context, task.name, wiring.commands, wiring.taps, wiring.pictures)
+        self._listening: list[Any] = [*self._in.values(), self._bus]
+        self._told: dict[str, LinkCount] = {}  # channels that end at the operator
+        self._outbox: list[tuple[int, int, str, Message]] = []  # due_ns, order, channel, message
+        self._order = 0
+        self._wake_ns: int | None = None
+        self._exit: int | None = None
+        self._lateness_ns: list[int] = []
+        self._record_ns = 0
+        self._operator_ns = 0
+        self._picture_ns = 0
+
+    def run(self) -> int:
+        """Until the task asks to exit; returns its exit code."""
+        gc.collect()
+        gc.freeze()
+        if not self._admitted():
+            return self._abandon()
+        now = self._clock.now_ns()
+        self._operator_ns = now
+        self._carry_out(self._task.start(now))
+        while self._exit is None:
+            self._wait()
+            self._pass()
+        self._close()
+        return self._exit
+
+    def _admitted(self) -> bool:
+        """Wait for the first heartbeat: it comes when every task's sockets are open, so nothing is sent to nobody."""
+        self._bus.hello()
+        until = self._clock.now_ns() + ADMISSION_NS
+        while self._clock.now_ns() < until:
+            if any(word is None for word in self._bus.drain()):
+                return True
+            select.select([self._bus], [], [], LONGEST_WAIT_NS * 1e-9)
+        return False
+
+    def _abandon(self) -> int:
+        self._bus.close()
+        self._context.destroy(0)
+        return ORPHANED
+
+    def _wait(self) -> None:
+        now = self._clock.now_ns()
+        due = now + LONGEST_WAIT_NS
+        if self._wake_ns is not None:
+            due = min(due, self._wake_ns)
+        if self._outbox:
+            due = min(due, self._outbox[0][0])
+        select.select(self._listening, [], [], max(0, due - now) * 1e-9)
+
+    def _pass(self) -> None:
+        now = self._clock.now_ns()
+        if self._wake_ns is not None and self._wake_ns <= now:
+            self._lateness_ns.append(now - self._wake_ns)
+            self._wake_ns = None
+            self._carry_out(self._task.on_tick(now))
+        self._send_due()
+        for link in self._in.values():
+            for message in link.read(self._clock):
+                self._carry_out(self._task.on_message(link.name, message, self._clock.now_ns()))
+        self._hear_operator()
+        self._send_due()
+        if now >= self._record_ns:
+            self._record_ns = now + RECORD_EVERY_NS
+            self._record(now)
+
+    def _hear_operator(self) -> None:
+        for command in self._bus.drain():
+            self._operator_ns = self._clock.now_ns()
+            if command is not None and command.verb is Verb.CLOSE:
+                self._leave(0)
+            elif command is not None:
+                self._carry_out(self._task.on_message("command", command, self._operator_ns))
+        now = self._clock.now_ns()
+        if now - self._operator_ns > OPERATOR_SILENT_NS:
+            self._leave(ORPHANED)
+
+    def _leave(self, code: int) -> None:
+        self._carry_out(self._task.stop(self._clock.now_ns()))
+        self._exit = code
+
+    def _carry_out(self, step: Step) -> None:
+        if step.wake_ns is not None:
+            self._wake_ns = step.wake_ns
+        if step.exit is not None:
+            self._exit = step.exit
+        for channel, message, at_ns in step.sends:
+            if isinstance(message, Reply):
+                self._bus.reply(message)
+            elif channel in self._out:
+                self._queue(self._out[channel], message, at_ns)
+            else:  # truth: straight to the operator
+                self._told.setdefault(channel, LinkCount()).sent += 1
+                self._bus.tap(channel, encode(channel, message, self._wiring.session))
+
+    def _queue(self, out: _Out, message: Message, at_ns: int) -> None:
+        self._tap(out.name, message)
+        delay_ns = out.fate(message.seq)
+        if delay_ns is not None:
+            self._order += 1
+            heapq.heappush(self._outbox, (at_ns + delay_ns, self._order, out.name, message))
+
+    def _tap(self, channel: str, message: Message) -> None:
+        data = encode(channel, message, self._wiring.session)
+        self._bus.tap(channel, data)
+        if isinstance(message, Frame) and self._wiring.pictures_hz > 0 and message.t_ns >= self._picture_ns:
+            self._picture_ns = message.t_ns + round(1e9 / self._wiring.pictures_hz)
+            self._bus.picture(channel, data, message.pixels.tobytes())
+
+    def _send_due(self) -> None:
+        while self._outbox and self._outbox[0][0] <= self._clock.now_ns():
+            _, _, channel, message = heapq.heappop(self._outbox)
+            self._out[channel].send(message)
+
+    def _record(self, now: int) -> None:
+        if self._lateness_ns:
+            timing = Timing(task=self._task.name, t_ns=now, late_ticks=self._task.late_ticks, lateness_ns=self._lateness_ns)
+            self._bus.record(timing)
+            self._lateness_ns = []
+        for link in self._in.values():
+            if link.receipts:
+                self._bus.record(Receipts(channel=link.name, rows=link.receipts))
+                link.receipts = []
+
+    def _close(self) -> None:
+        """Send what is under way, say how much was sent, read what still arrives, report, leave."""
+        while self._outbox:
+            select.select([], [], [], max(0, self._outbox[0][0] - self._clock.now_ns()) * 1e-9)
+            self._send_due()
+        for out in self._out.values():
+            out.close(self._clock.now_ns())
+        until = self._clock.now_ns() + DRAIN_NS + max((link.delay_ns for link in self._in.values()), default=0)
+        while self._clock.now_ns() < until and not all(link.closed for link in self._in.values()):
+            select.select(list(self._in.values()), [], [], 0.01)
+            for link in self._in.values():
+                for _ in link.read(self._clock):
+                    pass
+        self._report()
+
+    def _report(self) -> None:
+        now = self._clock.now_ns()
+        self._record(now)
+        counts = {name: out.count for name, out in self._out.items()} | {name: link.count for name, link in self._in.items()}
+        for name, count in (counts | self._told).items():
+            self._bus.record(LinkRow(channel=name, count=count))
+        if self._bus.dropped_taps or self._bus.dropped_pictures:
+            text = f"{self._bus.dropped_taps} messages and {self._bus.dropped_pictures} pictures were not logged"
+            self._bus.record(Event(t_ns=now, level="warning", source=self._task.name, text=text))
+        text = "closed"
+        self._bus.reply(Reply(seq=0, t_ns=now, id=0, sender=self._task.name, ok=True, phase=Phase.IDLE, text=text))
+        for link in self._in.values():
+            link.endpoint.close()
+        self._bus.close()
+        self._context.term()
+
+
+class _Out:
+    """The sending end of a channel."""
+
+    def __init__(self, name: str, wiring: Wiring, context: Context) -> None:
+        self.name, self._session = name, wiring.session
+        self.count = LinkCount()
+        self._on_wire = 0
+        faults = wiring.faults.get(name)
+        self._model = LinkModel(faults, wiring.seed, CHANNELS[name].id) if faults else None
+        self._endpoint: Any
+        if CHANNELS[name].transport is Transport.UDP:
+            self._endpoint = UdpSender(wiring.host, wiring.ports[name])
+        else:
+            self._endpoint = FrameSender(context, wiring.host, wiring.ports[name], name, wiring.session)
+
+    def fate(self, seq: int) -> int | None:
+        """Delay of a packet [ns], or None: lost. Counts it as sent."""
+        self.count.sent += 1
+        delay_ns = self._model.delay_ns(seq) if self._model else 0
+        self.count.lost_link += delay_ns is None
+        return delay_ns
+
+    def send(self, message: Message) -> None:
+        """Put it on the wire now."""
+        taken = self._endpoint.send(message if isinstance(message, Frame) else encode(self.name, message, self._session))
+        self._on_wire += taken
+        self.count.lost_queue += not taken
+
+    def close(self, t_ns: int) -> None:
+        """Tell the receiver how much was put on the wire."""
+        if isinstance(self._endpoint, UdpSender):
+            for _ in range(CLOSINGS):
+                self._endpoint.send(encode_closing(self.name, self._on_wire, t_ns, self._session))
+            self._endpoint.close()
+        else:
+            self._endpoint.close(self._on_wire, t_ns)
+
+
+class _In:
+    """The receiving end of a channel."""
+
+    def __init__(self, name: str, wiring: Wiring, context: Context) -> None:
+        self.name, self._session = name, wiring.session
+        self.count = LinkCount()
+        self.receipts: list[tuple[int, int, str]] = []
+        self.closed = False
+        self._window = SequenceWindow()
+        self._late_ns = round(CHANNELS[name].late_after_ms * MS)
+        faults = wiring.faults.get(name)
+        self.delay_ns = round((faults.delay_ms + faults.jitter_ms) * MS) if faults else 0
+        self.endpoint: UdpReceiver | FrameReceiver
+        if CHANNELS[name].transport is Transport.UDP:
+            self.endpoint = UdpReceiver(wiring.host, wiring.ports[name], name)
+        else:
+            self.endpoint = FrameReceiver(context, wiring.host, wiring.ports[name], name, wiring.session)
+
+    def fileno(self) -> int:
+        """For select."""
+        return self.endpoint.fileno()
+
+    def read(self, clock: Clock) -> list[Message]:
+        """Messages that arrived and are to be believed; everything is counted."""
+        taken = []
+        for item in self.endpoint.drain():
+            got = decode(self.name, item, self._session) if isinstance(item, bytes) else item
+            message = admit(got, self._window, self.count, self._late_ns, clock.now_ns(), self.receipts)
+            if message is not None:
+                taken.append(message)
+            elif isinstance(got, Closing):
+                self.closed = True
+        return taken
+
+
+def admit(
+    got: Message | Closing | Reject,
+    window: SequenceWindow,
+    count: LinkCount,
+    late_ns: int,
+    t_ns: int,
+    receipts: list[tuple[int, int, str]],
+) -> Message | None:
+    """The one gate every received packet passes: exactly one counter goes up, and a receipt is written."""
+    if isinstance(got, Closing):
+        return None
+    if isinstance(got, Reject):
+        count.reject(got.value)
+        return None
+    outcome = window.verdict(got.seq)
+    receipts.append((got.seq, t_ns, outcome or ""))
+    if outcome == "duplicate":
+        count.duplicated += 1
+        return None
+    if outcome is not None:
+        count.reject(outcome)
+        return None
+    count.delivered += 1
+    count.late += t_ns - (got.t_target_ns if isinstance(got, Reference) else got.t_ns) > late_ns
+    return got

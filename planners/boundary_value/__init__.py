@@ -1,0 +1,1 @@
+"""Two-point boundary-value problems: the input of least energy between two states in a given time."""

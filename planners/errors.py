@@ -1,0 +1,26 @@
+"""What planners/ raises. A message says what, the value, the bound and the next step."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+
+class PlanError(ValueError):
+    """Root of everything planners/ raises, e.g. `length_m = -0.2; must be > 0: measure pivot to load`."""
+
+
+class Infeasible(PlanError):
+    """No plan of this kind exists in the time given; minimum_time_s is the bound where one is known."""
+
+    def __init__(self, message: str, minimum_time_s: float | None = None) -> None:
+        super().__init__(message)
+        self.minimum_time_s = minimum_time_s
+
+
+def unknown_name(what: str, name: str, known: Collection[str]) -> PlanError:
+    """The error for a name that is in no table: the nearest one, and the whole list."""
+    import difflib
+
+    near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+    hint = f"did you mean {near[0]!r}? " if near else ""
+    return PlanError(f"{what} = {name!r}; {hint}must be one of {', '.join(sorted(known))}")

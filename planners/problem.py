@@ -1,0 +1,148 @@
+"""What is asked, and what comes back: a move of one axis that leaves the load without swing."""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from planners.errors import PlanError, unknown_name
+from planners.laws import LAWS
+from planners.models.pendulum import PendulumModel
+from planners.motion import Motion
+from planners.pieces import FloatArray
+
+AXES = ("x", "y")  # a vertical move swings nothing
+INPUTS = ("acceleration",)
+LONGEST_PERIODS = 1000.0  # of the load; a replay of it takes about a second
+ROUNDING = 1e-9  # share of a limit that a peak may exceed it by
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """What the platform may do; exceeded limits are reported by the plan's status, not raised."""
+
+    speed_m_s: float = math.inf
+    acceleration_m_s2: float = math.inf
+
+    def __post_init__(self) -> None:
+        for name, value in (("speed_m_s", self.speed_m_s), ("acceleration_m_s2", self.acceleration_m_s2)):
+            if not value > 0.0:
+                raise PlanError(f"{name} = {value} in limits; must be > 0: leave it out for no limit")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Problem:
+    """A move from start_m by distance_m in time_s, and what the planner believes about the load.
+
+    start_state and goal_state name the states that are not at rest there, e.g. {"angle_rad": 0.05}; position_m is
+    start_m and start_m + distance_m. Raises PlanError for a value out of bounds or a name that is not known.
+    """
+
+    distance_m: float
+    time_s: float
+    model: PendulumModel
+    start_m: float = 0.0
+    axis: str = "x"
+    input: str = "acceleration"
+    robust: tuple[str, ...] = ()  # parameters whose error the plan should forgive
+    law: str = "harmonic"  # what a shaper shapes
+    limits: Limits = field(default_factory=Limits)
+    start_state: Mapping[str, float] = field(default_factory=dict)
+    goal_state: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.time_s < math.inf:
+            raise PlanError(f"time_s = {self.time_s}; must be > 0 and finite: give the time the move may take")
+        periods = self.time_s * self.model.natural_frequency_rad_s / (2.0 * math.pi)
+        if periods > LONGEST_PERIODS:
+            raise PlanError(
+                f"time_s = {self.time_s} is {periods:.6g} periods of the load; must be <= {LONGEST_PERIODS:g}: "
+                "shorten the move, or check length_m"
+            )
+        for name, value in (("start_m", self.start_m), ("distance_m", self.distance_m)):
+            if not math.isfinite(value):
+                raise PlanError(f"{name} = {value}; must be finite: give it in metres")
+        for what, name, known in (("axis", self.axis, AXES), ("input", self.input, INPUTS), ("law", self.law, LAWS)):
+            if name not in known:
+                raise unknown_name(what, name, known)
+        if self.robust:
+            raise PlanError(f"robust = {self.robust}; must be (): no planner here forgives a wrong parameter")
+        self.start(), self.goal()
+
+    def start(self) -> FloatArray:
+        """State of the model at the start: (n,), in the order of its states."""
+        return self._state("start_state", self.start_m, self.start_state)
+
+    def goal(self) -> FloatArray:
+        """State of the model at time_s: (n,)."""
+        return self._state("goal_state", self.start_m + self.distance_m, self.goal_state)
+
+    @property
+    def rest_to_rest(self) -> bool:
+        """Whether nothing moves at either end."""
+        return not (np.any(self.start()[1:]) or np.any(self.goal()[1:]))
+
+    def _state(self, what: str, position_m: float, values: Mapping[str, float]) -> FloatArray:
+        states = self.model.state_space().states
+        for name, value in values.items():
+            if name not in states[1:]:
+                raise unknown_name(f"name in {what}", name, states[1:])
+            if not math.isfinite(value):
+                raise PlanError(f"{name} = {value} in {what}; must be finite: leave it out for rest")
+        return np.array([position_m, *(values.get(name, 0.0) for name in states[1:])])
+
+
+class Status(enum.Enum):
+    """Whether a plan may be run."""
+
+    OK = "ok"
+    OVER_LIMITS = "over_limits"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Metrics:
+    """Absolute maxima and root mean squares over the move; residuals are swing amplitudes at its end."""
+
+    peak_swing_rad: float  # nonlinear replay
+    residual_swing_rad: float  # linear model
+    residual_swing_nonlinear_rad: float
+    peak_speed_m_s: float
+    rms_speed_m_s: float
+    peak_acceleration_m_s2: float
+    rms_acceleration_m_s2: float
+    travel_m: float  # highest minus lowest position
+    acceleration_continuous: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """A motion, the problem it answers, and what it amounts to."""
+
+    planner: str
+    problem: Problem
+    motion: Motion
+    metrics: Metrics
+    compute_s: float | None  # of the planner alone; None when nobody timed it
+
+    @property
+    def status(self) -> Status:
+        """OK, or OVER_LIMITS for the reasons given."""
+        return Status.OVER_LIMITS if self.reasons else Status.OK
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Each limit the plan exceeds: value, bound and next step."""
+        limits, metrics = self.problem.limits, self.metrics
+        checks = (
+            ("peak speed", metrics.peak_speed_m_s, "m/s", limits.speed_m_s),
+            ("peak acceleration", metrics.peak_acceleration_m_s2, "m/s^2", limits.acceleration_m_s2),
+        )
+        return tuple(
+            f"{what} = {value:.6g} {unit}; limit {bound:g} {unit}: give the move more than time_s = {self.problem.time_s:g}"
+            for what, value, unit, bound in checks
+            if value > bound * (1.0 + ROUNDING)
+        )

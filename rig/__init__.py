@@ -1,0 +1,1 @@
+"""The operator's side: experiments, streamer, controller, runtime, analysis, report and the command line."""

@@ -1,0 +1,1 @@
+"""What the log says: pure functions of numpy arrays, stamps in, numbers with their uncertainty out."""

@@ -1,0 +1,97 @@
+"""What a run amounts to, in the words of `rig run --json`: every number from the log alone."""
+
+from __future__ import annotations
+
+import msgspec
+
+
+class Quantities(msgspec.Struct, kw_only=True):
+    """The five numbers a run is about; None = not identifiable in this run."""
+
+    peak_swing_rad: float | None = None
+    residual_swing_rad: float | None = None
+    natural_frequency_hz: float | None = None
+    damping_ratio: float | None = None
+    cable_length_m: float | None = None
+
+
+class Planned(msgspec.Struct, kw_only=True):
+    """What the plan promised."""
+
+    peak_swing_rad: float | None = None
+    residual_swing_rad: float | None = None
+
+
+class Latency(msgspec.Struct, kw_only=True):
+    """Delays [ms]: plan to platform, and instant of an angle to its arrival at the streamer."""
+
+    command: float | None = None
+    vision: float | None = None
+    alignment: float | None = None  # measured swing behind the truth, which a right stamp makes zero
+    exposure_to_angle_p99: float | None = None  # end of exposure to arrival, the experiment's own delays included
+
+
+class SwingError(msgspec.Struct, kw_only=True):
+    """Rms of measured minus true angle at t_valid, no delay fitted [rad]."""
+
+    during_move_rad: float | None = None
+    outside_move_rad: float | None = None
+
+
+class Lateness(msgspec.Struct, kw_only=True):
+    """How the clock was kept: references accepted after their target, ticks skipped."""
+
+    references: int = 0  # accepted
+    references_late: int = 0  # accepted more than 30 ms after t_target
+    reference_p99_ms: float | None = None
+    reference_max_ms: float | None = None
+    late_ticks: dict[str, int] = {}
+
+
+class LinkSummary(msgspec.Struct, kw_only=True):
+    """A row of the ledger: sent = delivered + lost + rejected."""
+
+    sent: int
+    delivered: int
+    lost: int
+    duplicated: int
+    late: int
+    rejected: dict[str, int]
+    lost_link: int
+    lost_kernel: int
+    lost_queue: int
+    unexplained: int
+
+
+class Summary(msgspec.Struct, kw_only=True):
+    """A whole run."""
+
+    run_id: str
+    run_dir: str
+    mode: str
+    experiment: str
+    exit_status: str  # ok | stopped | fault | bad_data
+    exit_code: int
+    verdict: str  # good | doubtful | bad
+    reasons: list[str]
+    planner: str
+    move_m: float
+    move_time_s: float
+    measured: Quantities
+    sigma: Quantities
+    truth: Quantities | None
+    planned: Planned
+    latency_ms: Latency
+    links: dict[str, LinkSummary]
+    digest: str | None
+    initial_swing_rad: float | None = None
+    swing_error: SwingError = msgspec.field(default_factory=SwingError)
+    lateness: Lateness = msgspec.field(default_factory=Lateness)
+    frames: int = 0
+    angles_valid: int = 0
+    refusals: dict[str, int] = {}  # frames without an angle, by reason
+    swing_fit_rms_rad: float | None = None
+    complete: bool = True
+    loop_s: float | None = None
+    cpu_s: float | None = None
+    events: list[str] = []

@@ -1,0 +1,78 @@
+"""A calibration: where the pivot is in the picture, the scale, and the angle offset over platform position."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+from msgspec import Meta
+
+from rig import config
+from rig.errors import ConfigError
+
+
+class Calibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What `rig calibrate offsets` writes and `[vision] calibration` names."""
+
+    made: str  # UTC
+    camera: str
+    seed: int
+    width: int
+    height: int
+    pivot_home_px: tuple[float, float]
+    pixels_per_m: Annotated[float, Meta(gt=0)]
+    x_m: list[float]
+    offset_rad: list[float]
+    sigma_offset_rad: list[float]
+
+
+def find(experiment: config.Experiment) -> tuple[str, Calibration | None]:
+    """Its name and the calibration an experiment asks for; None when it asks for none.
+
+    Raises ConfigError for a missing or broken file, or one made for another picture size.
+    """
+    name = experiment.vision.calibration
+    if name == "none" or experiment.camera.rate_hz == 0:
+        return name, None
+    known = config.shipped_calibrations()
+    if name == "shipped":
+        if not known:
+            raise ConfigError("[vision] calibration = 'shipped': none is shipped; make one with `rig calibrate offsets`")
+        name, tables = known[-1], config.read_shipped_calibration(known[-1])
+    elif Path(name).is_file():
+        tables = _read(Path(name))
+    else:
+        raise ConfigError(
+            f"[vision] calibration = '{name}': no such file; make one with `rig calibrate offsets`, "
+            f"or name 'shipped' ({', '.join(known) or 'none here'}) or 'none'"
+        )
+    calibration = config.convert(tables, Calibration, "calibration")
+    size, expected = (calibration.width, calibration.height), (experiment.camera.width, experiment.camera.height)
+    if size != expected:
+        raise ConfigError(f"calibration '{name}' is for pictures of {size}; [camera] says {expected}: calibrate again")
+    return name, calibration
+
+
+def save(calibration: Calibration, path: Path) -> None:
+    """Write it as TOML."""
+    lines = ["# Made by `rig calibrate offsets`: pivot and scale in the picture, angle offset over platform position."]
+    lines += [f"{name} = {_toml(value)}" for name, value in msgspec.structs.asdict(calibration).items()]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text("\n".join(lines) + "\n")
+
+
+def _toml(value: object) -> str:
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_toml(v) for v in value) + "]"
+    return repr(value)
+
+
+def _read(path: Path) -> dict[str, object]:
+    try:
+        return tomllib.loads(path.read_text(errors="replace"))
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"calibration '{path}' is not valid TOML: {error}; make it again") from None

@@ -1,0 +1,36 @@
+"""`rig doctor`: can this machine run experiments?"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from rig.cli.output import err, out, print_json
+from rig.config import NetworkSection
+from rig.doctor import examine
+from rig.errors import REFUSED
+
+COLOUR = {"ok": "green", "warning": "yellow", "failed": "red"}
+
+
+def doctor(
+    runs: Annotated[Path, typer.Option(help="Where run folders go.")] = Path("runs"),
+    base_port: Annotated[int, typer.Option(help="First port to look at; 0 = any free ports.")] = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")] = False,
+) -> int:
+    """Check ports, disk, versions, timer, and that the packages imported are this program's; exit 3 when a run would fail."""
+    with err.status("looking at ports, disk, versions and one second of timer"):
+        checks = examine(runs, NetworkSection(base_port=base_port))
+    failed = [c for c in checks if c.status == "failed"]
+    if as_json:
+        print_json({"ok": not failed, "checks": [c._asdict() for c in checks]})
+        return REFUSED if failed else 0
+    table = Table(show_header=False)
+    for check in checks:
+        table.add_row(f"[{COLOUR[check.status]}]{check.status}[/]", check.name, check.found, check.advice)
+    out.print(table)
+    out.print("[red]a run would fail[/red]" if failed else "ready to run: `rig run`")
+    return REFUSED if failed else 0

@@ -1,0 +1,69 @@
+"""`rig`: the verbs, and the one place where an error becomes a message and an exit code."""
+
+from __future__ import annotations
+
+import sys
+
+import typer
+
+from comms.errors import CommsError, LogError
+from planners.errors import PlanError
+from rig.analysis.errors import AnalysisError
+from rig.cli import analyze, calibrate, doctor, plan, run, sim, stop, track
+from rig.cli.output import print_json
+from rig.errors import BAD_DATA, REFUSED, STOPPED, USAGE, RigError
+from vision.errors import VisionError
+
+KNOWN = (RigError, CommsError, PlanError, VisionError, AnalysisError)
+
+
+def _leave(code: int | None) -> None:
+    raise typer.Exit(code or 0)
+
+
+app = typer.Typer(
+    name="rig",
+    result_callback=_leave,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="Plans moves that leave a suspended load without swing, runs them on a rig, and says from the log "
+    "what it really did.\n\n"
+    "Exit codes: 0 ok, 2 usage or file, 3 refused before motion, 4 stopped by the operator, 5 fault, 6 data not good.",
+)
+app.command("doctor")(doctor.doctor)
+app.command("plan")(plan.plan)
+app.command("run")(run.run)
+app.command("stop")(stop.stop)
+app.command("sim")(sim.sim)
+app.command("track")(track.track)
+app.command("analyze")(analyze.analyze)
+app.add_typer(calibrate.app, name="calibrate")
+
+
+def main() -> None:
+    """Entry point of `rig`."""
+    try:
+        app()  # ends in SystemExit, with exit code 2 for wrong usage
+    except KNOWN as error:
+        sys.exit(_fail(str(error), _exit_code(error)))
+    except OSError as error:
+        sys.exit(_fail(f"{error.filename or 'system'}: {error.strerror or error}; make room or name another place", REFUSED))
+
+
+def _exit_code(error: Exception) -> int:
+    if isinstance(error, RigError):
+        return error.exit_code
+    if isinstance(error, PlanError):
+        return USAGE
+    if isinstance(error, LogError | VisionError | AnalysisError):
+        return BAD_DATA
+    return REFUSED
+
+
+def _fail(message: str, code: int) -> int:
+    status = {STOPPED: "stopped", BAD_DATA: "bad_data"}.get(code, "fault")
+    if "--json" in sys.argv:
+        print_json({"exit_status": status, "exit_code": code, "verdict": "bad", "reasons": [message]})
+    print(f"rig: {message}", file=sys.stderr)
+    return code

@@ -1,0 +1,84 @@
+"""`rig track`: the rig's own tracker on a video file."""
+
+from __future__ import annotations
+
+import csv
+from collections import Counter
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import typer
+
+from rig.cli.output import out, print_json
+from rig.errors import BAD_DATA, ConfigError
+
+FIELDS = ("frame", "t_s", "angle_rad", "sigma_rad", "valid", "reason")
+
+
+class Row(NamedTuple):
+    """One frame of the video; empty angle and sigma when it gave none."""
+
+    frame: int
+    t_s: float
+    angle_rad: float | None
+    sigma_rad: float | None
+    valid: bool
+    reason: str
+
+
+def track(
+    video: Annotated[Path, typer.Argument(metavar="VIDEO", help="Video file.")],
+    pivot: Annotated[str, typer.Option(metavar="X,Y", help="Cable's upper end in the picture [px]; may lie outside it.")],
+    csv_file: Annotated[Path | None, typer.Option("--csv", help=f"Write one row a frame: {','.join(FIELDS)}.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")] = False,
+) -> int:
+    """Cable angle in every frame of a video; exit 6 when no frame shows a cable through the pivot."""
+    rows = list(_rows(video, _pivot(pivot)))
+    if csv_file is not None:
+        with csv_file.open("w", newline="") as file:
+            writer = csv.writer(file)
+            writer.writerow(FIELDS)
+            writer.writerows(["" if v is None else str(v).lower() if isinstance(v, bool) else v for v in row] for row in rows)
+    valid = [row for row in rows if row.valid]
+    refused = dict(Counter(row.reason for row in rows if not row.valid))
+    code = 0 if valid else BAD_DATA
+    reasons = [] if valid else [f"no frame of {video} shows a cable through {pivot} ({refused}): check --pivot and the light"]
+    if as_json:
+        status = "ok" if valid else "bad_data"
+        document = {"exit_status": status, "video": str(video), "frames": len(rows), "valid": len(valid), "refused": refused}
+        print_json(document | {"reasons": reasons, "rows": [row._asdict() for row in rows]})
+        return code
+    out.print(f"{video}: {len(valid)} of {len(rows)} frames gave an angle" + (f"; refused: {refused}" if refused else ""))
+    if valid:
+        angles = [row.angle_rad or 0.0 for row in valid]
+        out.print(f"angle from {min(angles) * 1e3:.2f} to {max(angles) * 1e3:.2f} mrad")
+    for reason in reasons:
+        out.print(f"[red]{reason}[/red]")
+    return code
+
+
+def _pivot(text: str) -> tuple[float, float]:
+    try:
+        x, y = (float(part) for part in text.split(","))
+    except ValueError:
+        raise ConfigError(f"--pivot '{text}': must be X,Y in pixels, for example --pivot 320,-40") from None
+    return x, y
+
+
+def _rows(video: Path, pivot_px: tuple[float, float]) -> list[Row]:
+    import cv2
+
+    from vision.sources import video_frames
+    from vision.tracker import Tracker
+
+    cv2.setNumThreads(1)
+    rows: list[Row] = []
+    tracker: Tracker | None = None
+    for frame in video_frames(video):
+        if tracker is None:
+            height, width = frame.red.shape
+            tracker = Tracker(width, height)
+        fit = tracker.measure(frame.red, pivot_px)
+        angle, sigma = (fit.angle_rad, fit.sigma_rad) if fit.valid else (None, None)
+        rows.append(Row(frame.number, frame.t_s, angle, sigma, fit.valid, fit.reason.value))
+    return rows

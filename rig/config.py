@@ -1,0 +1,270 @@
+"""The experiment file: TOML in, one validated Experiment out; a wrong key or value is named with its bound.
+
+`[model]` is what the planner believes. `[bench.*]` is what the simulated world is; it is read by rig/runtime/bench.py alone.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+import tomllib
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_type_hints
+
+import msgspec
+from msgspec import Meta
+
+from comms.channels import DATA
+from comms.link import LinkFaults
+from rig.errors import ConfigError
+
+Positive = Annotated[float, Meta(gt=0, le=1e6)]
+NotNegative = Annotated[float, Meta(ge=0, le=1e6)]
+Place = Annotated[float, Meta(ge=-10, le=10)]
+Name = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_\-]{1,60}$")]
+T = TypeVar("T")
+
+
+class Section(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A table of the file: unknown keys are errors."""
+
+
+class ExperimentSection(Section, frozen=True, kw_only=True):
+    """`[experiment]`: what is run, with which planner, and how long it is watched."""
+
+    name: Name
+    kind: Literal["move", "free_decay"] = "move"
+    planner: str = "matrix_exponential"
+    seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 1
+    quiet_s: Annotated[float, Meta(ge=0, le=600)] = 3.5
+    watch_s: Annotated[float, Meta(ge=0.1, le=3600)] = 10.0
+    purpose: str = ""
+
+
+class MoveSection(Section, frozen=True, kw_only=True):
+    """`[move]`: rest to rest along one axis; or, for a calibration, from point to point."""
+
+    axis: Literal["x"] = "x"
+    start_m: Place = 0.0
+    distance_m: Place = 0.2
+    time_s: Annotated[float, Meta(gt=0, le=600)] = 1.5
+
+
+class ModelSection(Section, frozen=True, kw_only=True):
+    """`[model]`: the planner's belief."""
+
+    length_m: Annotated[float, Meta(gt=0, le=100)] = 1.0
+    damping_ratio: Annotated[float, Meta(ge=0, lt=1)] = 0.0
+    gravity_m_s2: Positive = 9.81
+
+
+class PlanSection(Section, frozen=True, kw_only=True):
+    """`[plan]`: options of the planner."""
+
+    input: Literal["acceleration"] = "acceleration"
+    law: str = "harmonic"
+
+
+class LimitsSection(Section, frozen=True, kw_only=True):
+    """`[limits]`: what a plan may ask of the robot."""
+
+    speed_m_s: Positive = 1.0
+    acceleration_m_s2: Positive = 5.0
+
+
+class SafetySection(Section, frozen=True, kw_only=True):
+    """`[safety]`: checked on every reference; speed and acceleration default to 1.1 x limits."""
+
+    position_min_m: Place = -0.25
+    position_max_m: Place = 0.25
+    speed_m_s: Positive | None = None
+    acceleration_m_s2: Positive | None = None
+    reference_stale_ms: Annotated[float, Meta(ge=30, le=60_000)] = 300.0
+    angle_stale_ms: Annotated[float, Meta(ge=100, le=60_000)] = 300.0
+    initial_swing_rad: Annotated[float, Meta(ge=0, le=1.6)] = 0.01  # a load swinging more before the start is refused
+
+
+class CameraSection(Section, frozen=True, kw_only=True):
+    """`[camera]`: facts shared by both sides; rate_hz = 0 runs without a camera."""
+
+    width: Annotated[int, Meta(ge=64, le=4096)] = 640
+    height: Annotated[int, Meta(ge=64, le=4096)] = 480
+    rate_hz: Annotated[float, Meta(ge=0, le=200)] = 50.0
+
+
+class VisionSection(Section, frozen=True, kw_only=True):
+    """`[vision]`: the tracker's settings; calibration = a file, "shipped", or "none" (rough_* are used then)."""
+
+    calibration: str = "shipped"
+    average_frames: Annotated[int, Meta(ge=1, le=50)] = 3
+    processing_ms: Annotated[float, Meta(ge=0, le=1000)] = 2.0
+    rough_pivot_px: tuple[float, float] = (321.0, -38.0)  # by eye, before any calibration
+    rough_pixels_per_m: Positive = 1005.0
+
+
+class NetworkSection(Section, frozen=True, kw_only=True):
+    """`[network]`: base_port = 0 takes free ports."""
+
+    base_port: Annotated[int, Meta(ge=0, le=65_000)] = 0
+    bind: str = "127.0.0.1"
+
+
+class RecordSection(Section, frozen=True, kw_only=True):
+    """`[record]`: pictures a second in the log."""
+
+    pictures_hz: Annotated[float, Meta(ge=0, le=50)] = 2.0
+
+
+class BenchSection(Section, frozen=True, kw_only=True):
+    """`[bench]`: the world's tables are only checked by the one who builds it."""
+
+    kind: Literal["simulated"] = "simulated"
+    pendulum: dict[str, Any] = {}
+    robot: dict[str, Any] = {}
+    camera: dict[str, Any] = {}
+
+
+class Experiment(Section, frozen=True, kw_only=True):
+    """A whole experiment file."""
+
+    experiment: ExperimentSection
+    move: MoveSection = MoveSection()
+    model: ModelSection = ModelSection()
+    plan: PlanSection = PlanSection()
+    limits: LimitsSection = LimitsSection()
+    safety: SafetySection = SafetySection()
+    camera: CameraSection = CameraSection()
+    vision: VisionSection = VisionSection()
+    links: dict[str, LinkFaults] = {}
+    network: NetworkSection = NetworkSection()
+    record: RecordSection = RecordSection()
+    bench: BenchSection = BenchSection()
+
+    @property
+    def moves(self) -> bool:
+        """Whether the platform is to move at all."""
+        return self.experiment.kind == "move"
+
+
+def shipped() -> list[str]:
+    """Names of the experiments that come with the program."""
+    return sorted(p.name.removesuffix(".toml") for p in _folder("experiments").iterdir() if p.name.endswith(".toml"))
+
+
+def shipped_calibrations() -> list[str]:
+    """File names of the calibrations that come with the program, oldest first."""
+    return sorted(p.name for p in _folder("calibration").iterdir() if p.name.endswith(".toml"))
+
+
+def read_shipped_calibration(name: str) -> dict[str, Any]:
+    """A calibration that comes with the program."""
+    return tomllib.loads((_folder("calibration") / name).read_text())
+
+
+def load(name_or_path: str, overrides: list[str]) -> Experiment:
+    """The experiment of a shipped name or a TOML file, with `section.key=value` overrides.
+
+    Raises ConfigError naming section, key, value, bound and the nearest known key.
+    """
+    tables = _read(name_or_path)
+    for text in overrides:
+        _override(tables, text)
+    for name in tables.get("links", {}):
+        if name not in DATA:
+            raise ConfigError(f"[links.{name}]: no such link{nearest(name, DATA)}; links: {', '.join(DATA)}")
+        convert(tables["links"][name], LinkFaults, f"links.{name}")
+    return convert(tables, Experiment)
+
+
+def convert(data: Any, kind: type[T], section: str = "") -> T:
+    """data as kind; raises ConfigError in terms of the experiment file."""
+    try:
+        return msgspec.convert(data, kind)
+    except msgspec.ValidationError as error:
+        raise ConfigError(_explain(str(error), data, kind, section)) from None
+
+
+def nearest(word: str, known: Any) -> str:
+    """', did you mean ...?' when something known is close."""
+    close = difflib.get_close_matches(word, list(known), n=1)
+    return f", did you mean '{close[0]}'?" if close else ""
+
+
+def _folder(name: str) -> Any:
+    return resources.files("rig") / name
+
+
+def _read(name_or_path: str) -> dict[str, Any]:
+    path = Path(name_or_path)
+    if name_or_path in shipped():
+        text = str((_folder("experiments") / f"{name_or_path}.toml").read_text())
+    elif path.is_file():
+        text = path.read_text(errors="replace")
+    else:
+        raise ConfigError(
+            f"experiment '{name_or_path}': no such file and not a shipped experiment{nearest(name_or_path, shipped())}; "
+            f"shipped: {', '.join(shipped())}"
+        )
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"experiment '{name_or_path}' is not valid TOML: {error}; mend that line") from None
+
+
+def _override(tables: dict[str, Any], text: str) -> None:
+    path, equals, value = text.partition("=")
+    keys = path.strip().split(".")
+    if not equals or len(keys) < 2 or not all(keys):
+        raise ConfigError(f"--set '{text}': must be section.key=value, for example --set move.distance_m=0.1")
+    table = tables
+    for key in keys[:-1]:
+        table = table.setdefault(key, {})
+        if not isinstance(table, dict):
+            raise ConfigError(f"--set '{text}': '{key}' is a value, not a section")
+    table[keys[-1]] = _value(value.strip())
+
+
+def _value(text: str) -> Any:
+    try:
+        return tomllib.loads(f"v = {text}")["v"]
+    except tomllib.TOMLDecodeError:
+        return text  # a bare word is a string
+
+
+def _explain(message: str, data: Any, kind: type, section: str) -> str:
+    what, _, at = message.partition(" - at `$")
+    keys = [k for k in re.split(r"[.\[\]]+", at.rstrip("`")) if k]
+    if section:
+        keys = [*section.split("."), *keys]
+    unknown = re.search(r"unknown field `(.+)`", what)
+    missing = re.search(r"missing required field `(.+)`", what)
+    if unknown:
+        known = [f.name for f in msgspec.structs.fields(_struct_at(kind, keys, section))]
+        return (
+            f"[{'.'.join(keys)}] {unknown[1]}: unknown key{nearest(unknown[1], known)} known here: {', '.join(known)}"
+        ).replace("[] ", "")
+    if missing:
+        return f"[{'.'.join(keys)}] {missing[1]}: missing; add it".replace("[] ", "section ")
+    inner = keys[len(section.split(".")) if section else 0 :]
+    value = _value_at(data, inner)
+    if "enum" in what:
+        allowed = get_args(get_type_hints(_struct_at(kind, keys[:-1], section))[keys[-1]])
+        what = f"must be one of {', '.join(map(repr, allowed))}{nearest(str(value), allowed)}"
+    return f"[{'.'.join(keys[:-1])}] {keys[-1] if keys else ''} = {value!r}: {what[0].lower()}{what[1:]}; change it to fit"
+
+
+def _struct_at(kind: type, keys: list[str], section: str) -> type:
+    for key in keys[len(section.split(".")) if section else 0 :]:
+        hint = next((f.type for f in msgspec.structs.fields(kind) if f.name == key), None)
+        kind = LinkFaults if hint is None or not isinstance(hint, type) else hint
+    return kind
+
+
+def _value_at(data: Any, keys: list[str]) -> Any:
+    for key in keys:
+        try:
+            data = data[int(key)] if isinstance(data, list) else data[key]
+        except (KeyError, ValueError, IndexError, TypeError):
+            return data
+    return data

@@ -1,0 +1,1 @@
+"""The robot controller: communication (newest reference in, state out) composed with 30 ms interpolation."""

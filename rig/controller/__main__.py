@@ -1,0 +1,8 @@
+"""The controller as a process."""
+
+import sys
+
+from comms.runner import main
+from rig.controller.task import build
+
+sys.exit(main(build))

@@ -1,0 +1,149 @@
+"""Whether this machine can run experiments: each check says what it found, the bound, and what to do."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import platform
+import shutil
+import socket
+import sys
+from importlib.metadata import PackageNotFoundError, distribution, version
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from comms.channels import DATA
+from comms.clock import timer_lateness_ns
+from comms.errors import CommsError
+from comms.udp import RECEIVE_BUFFER_BYTES, UdpReceiver, port_is_free
+from rig.config import NetworkSection, shipped_calibrations
+from rig.runtime.processes import BUS_PORTS, PROCESSES
+
+ROOMS = ("comms", "planners", "vision", "sim_rig", "rig")
+NEEDED = {"numpy": 2, "scipy": 1, "opencv-python-headless": 4, "pyzmq": 26, "mcap": 1, "msgspec": 0, "matplotlib": 3}
+MIN_FREE_BYTES = 500_000_000  # a run takes 5 MB; a disk this full fails soon
+TIMER_PERIOD_NS, TIMER_TICKS = 5_000_000, 200
+TIMER_BOUND_MS = 2.0  # p99; above it setpoints come in visibly uneven
+
+
+class Check(NamedTuple):
+    """One finding: status is ok, warning (runs, perhaps not well) or failed (would not run)."""
+
+    name: str
+    status: str
+    found: str
+    advice: str = ""
+
+
+def examine(runs: Path, network: NetworkSection) -> list[Check]:
+    """All checks; takes about one second for the timer."""
+    return [
+        _python(),
+        *(_package(name, major) for name, major in NEEDED.items()),
+        *(_room(name) for name in ROOMS),
+        _calibration(),
+        _disk(runs),
+        _ports(network),
+        _receive_buffer(network.bind),
+        _cores(),
+        _timer(),
+    ]
+
+
+def _python() -> Check:
+    found = platform.python_version()
+    good = sys.version_info >= (3, 11)
+    return Check("python", "ok" if good else "failed", found, "" if good else "need >= 3.11")
+
+
+def _package(name: str, major: int) -> Check:
+    try:
+        found = version(name)
+    except PackageNotFoundError:
+        return Check(name, "failed", "not installed", "run `make setup`")
+    good = int(found.split(".")[0]) >= major
+    return Check(name, "ok" if good else "failed", found, "" if good else f"need >= {major}: run `make setup`")
+
+
+def _room(name: str) -> Check:
+    """The names are generic: another distribution's `vision` on the path would be run instead of ours."""
+    spec = importlib.util.find_spec(name)
+    where = Path(spec.origin).resolve().parent if spec and spec.origin else None
+    home = Path(__file__).resolve().parents[1]
+    if where is None:
+        return Check(f"package {name}", "failed", "not found", "run `make setup`")
+    ours = where.parent == home and _distributed()
+    advice = "" if ours else f"another package of this name is in front of ours in {home}: use the project's own environment"
+    return Check(f"package {name}", "ok" if ours else "failed", str(where), advice)
+
+
+def _distributed() -> bool:
+    try:
+        distribution("swayless")
+    except PackageNotFoundError:
+        return False
+    return True
+
+
+def _calibration() -> Check:
+    known = shipped_calibrations()
+    return (
+        Check("calibration", "ok", known[-1])
+        if known
+        else Check("calibration", "warning", "none shipped", "make one with `rig calibrate offsets`")
+    )
+
+
+def _disk(runs: Path) -> Check:
+    where = runs if runs.exists() else Path()
+    if not os.access(where, os.W_OK):
+        return Check("disk", "failed", f"{where.resolve()} is not writable", "name another folder with --runs")
+    free = shutil.disk_usage(where).free
+    good = free >= MIN_FREE_BYTES
+    advice = "" if good else f"need {MIN_FREE_BYTES / 1e6:.0f} MB: remove old runs"
+    return Check("disk", "ok" if good else "failed", f"{free / 1e9:.1f} GB free for {where}", advice)
+
+
+def _ports(network: NetworkSection) -> Check:
+    base = network.base_port
+    if base == 0:
+        try:
+            receiver = UdpReceiver(network.bind, 0, "doctor")
+        except (CommsError, OSError) as error:
+            return Check("ports", "failed", str(error), f"can {network.bind} be bound on this machine?")
+        receiver.close()
+        return Check("ports", "ok", f"free ports on {network.bind}")
+    kinds = [socket.SOCK_STREAM] * BUS_PORTS + [socket.SOCK_STREAM if n == "frame" else socket.SOCK_DGRAM for n in DATA]
+    taken = [str(base + i) for i, kind in enumerate(kinds) if not port_is_free(network.bind, base + i, kind)]
+    if taken:
+        return Check(
+            "ports", "failed", f"in use on {network.bind}: {', '.join(taken)}", "stop what uses them, or change base_port"
+        )
+    return Check("ports", "ok", f"{base} to {base + len(kinds) - 1} on {network.bind} are free")
+
+
+def _receive_buffer(host: str) -> Check:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
+        found = probe.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
+    good = found >= 100_000  # a second of our busiest channel
+    return Check(
+        "UDP receive buffer", "ok" if good else "warning", f"{found // 1024} KiB", "" if good else "raise net.core.rmem_max"
+    )
+
+
+def _cores() -> Check:
+    cores = len(os.sched_getaffinity(0))
+    advice = "" if cores >= 2 else f"{len(PROCESSES)} tasks and the operator share one core: expect late ticks"
+    return Check("cores", "ok" if cores >= 2 else "warning", str(cores), advice)
+
+
+def _timer() -> Check:
+    late_ms = np.array(timer_lateness_ns(TIMER_PERIOD_NS, TIMER_TICKS)) * 1e-6
+    p99 = float(np.percentile(late_ms, 99))
+    good = p99 <= TIMER_BOUND_MS
+    advice = "" if good else f"p99 should be <= {TIMER_BOUND_MS:g} ms: this machine is busy; expect late ticks"
+    found = f"a 5 ms tick is late by {np.median(late_ms):.2f} ms (median), {p99:.2f} (p99), {late_ms.max():.2f} (worst)"
+    return Check("timer", "ok" if good else "warning", found, advice)

@@ -1,0 +1,151 @@
+"""The pictures of a run: position, swing, residual, and the camera's view with the detected cable."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import cv2
+import msgspec
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from comms.messages import AngleSample
+from rig.analysis.decay import DecayFit
+from rig.analysis.run_log import Array, RunLog
+
+WIDE, TALL = 10.0, 3.2  # inches
+PLANNED, ACTUAL, TRUE, TWIN, MEASURED = "#888888", "#1565c0", "#2e7d32", "#ef6c00", "#c62828"
+AROUND_S = 0.6  # shown before and after the move
+
+
+def position(run: RunLog, twin: RunLog | None) -> Figure:
+    """Planned, commanded and actual place over the time of the move, and the difference to the plan."""
+    figure, (upper, lower) = _two()
+    t_sent, commanded, t_actual, actual = run.robot.T
+    t0, t1 = _move_window(run)
+    shown = np.linspace(t0, t1, 1000)
+    upper.plot(shown - run.t_move_s, run.planned_m(shown), color=PLANNED, lw=2.5, label="planned")
+    upper.plot(*_cut(t_sent, commanded, t0, t1, run.t_move_s), color=TWIN, lw=1, label="commanded")
+    upper.plot(*_cut(t_actual, actual, t0, t1, run.t_move_s), color=ACTUAL, lw=1.2, label="actual")
+    error = (actual - run.planned_m(t_actual)) * 1e3
+    lower.plot(*_cut(t_actual, error, t0, t1, run.t_move_s), color=ACTUAL, lw=1.2, label="actual - planned")
+    if twin is not None:
+        _, _, t_twin, actual_twin = twin.robot.T
+        a, b = _move_window(twin)
+        upper.plot(*_cut(t_twin, actual_twin, a, b, twin.t_move_s), color=TRUE, lw=1, ls="--", label="actual, without losses")
+        lower.plot(
+            *_cut(t_twin, (actual_twin - twin.planned_m(t_twin)) * 1e3, a, b, twin.t_move_s),
+            color=TRUE, lw=1, ls="--", label="without losses",
+        )  # fmt: skip
+    _finish(upper, "x [m]", "")
+    _finish(lower, "difference [mm]", "time from the start of the move [s]")
+    return figure
+
+
+def swing(run: RunLog, twin: RunLog | None) -> Figure:
+    """Measured and true angle over the whole run, and their difference."""
+    figure, (upper, lower) = _two()
+    t, angle, _ = run.swing
+    t_true, true, rate, _ = run.truth.T
+    zero = run.t_move_s
+    if twin is not None:
+        upper.plot(twin.truth[:, 0] - twin.t_move_s, twin.truth[:, 1] * 1e3, color=TWIN, lw=1, label="true, without losses")
+    if t_true.size:
+        upper.plot(t_true - zero, true * 1e3, color=TRUE, lw=1.6, label="true")
+    upper.plot(t - zero, angle * 1e3, ".", ms=2, color=MEASURED, label="measured")
+    if t_true.size > 1:
+        from rig.analysis.swing import truth_at
+
+        inside = (t >= t_true[0]) & (t <= t_true[-1])
+        error = (angle[inside] - truth_at(t[inside], t_true, true, rate)) * 1e3
+        lower.plot(t[inside] - zero, error, color=MEASURED, lw=0.8, label="measured - true")
+    for axes in (upper, lower):
+        if run.plan.time_s:
+            axes.axvspan(0, run.plan.time_s, color="#00000011", lw=0)
+    _finish(upper, "swing [mrad]", "")
+    _finish(lower, "difference [mrad]", "time from the start of the move [s]")
+    return figure
+
+
+def residual(run: RunLog, fit: DecayFit | None, twin: RunLog | None) -> Figure:
+    """What is left after the move: measured, true, and the fitted decay."""
+    figure = Figure(figsize=(WIDE, TALL), layout="constrained")
+    axes = figure.subplots()
+    t, angle, _ = run.swing
+    zero, after = run.t_move_s, run.t_settled_s
+    if twin is not None:
+        later = twin.truth[:, 0] >= twin.t_settled_s
+        axes.plot(
+            twin.truth[later, 0] - twin.t_move_s, twin.truth[later, 1] * 1e3, color=TWIN, lw=1, label="true, without losses"
+        )
+    later = run.truth[:, 0] >= after
+    axes.plot(run.truth[later, 0] - zero, run.truth[later, 1] * 1e3, color=TRUE, lw=1.5, label="true")
+    seen = t >= after
+    axes.plot(t[seen] - zero, angle[seen] * 1e3, ".", ms=2.5, color=MEASURED, label="measured")
+    if fit is not None and seen.any():
+        fine = np.linspace(t[seen][0], t[seen][-1], 800)
+        axes.plot(fine - zero, fit.angle(fine) * 1e3, color=ACTUAL, lw=0.9, label="fitted decay")
+        axes.plot(fine - zero, (fit.offset_rad + fit.amplitude_at(fine)) * 1e3, color=ACTUAL, lw=0.6, ls=":", label="amplitude")
+    _finish(axes, "swing [mrad]", "time from the start of the move [s]")
+    return figure
+
+
+def camera(run: RunLog) -> Figure | None:
+    """The kept picture nearest the largest measured swing, with the cable the tracker saw; None without pictures."""
+    pictures, seen = run.pictures(), [a for a in run.angles if a.raw_rad is not None]
+    settings = msgspec.json.decode(run.log.attachments.get("vision.json", b"null"))
+    if not pictures or not seen or settings is None:
+        return None
+    largest_s = max(seen, key=lambda a: abs(a.angle_rad or 0.0)).t_valid_ns * 1e-9
+    stamps = [p.timestamp.sec + p.timestamp.nsec * 1e-9 for p in pictures]
+    k = int(np.argmin([abs(t - largest_s) for t in stamps]))
+    image = cv2.imdecode(np.frombuffer(pictures[k].data, dtype=np.uint8), cv2.IMREAD_GRAYSCALE)
+    if image is None:
+        return None
+    average_s = (settings["average_frames"] - 1) / 2 * settings["period_ns"] * 1e-9
+    sample = min(seen, key=lambda a: abs(a.t_valid_ns * 1e-9 + average_s - stamps[k]))
+    figure = Figure(figsize=(WIDE * 0.72, WIDE * 0.72 * image.shape[0] / image.shape[1] + 0.3), layout="constrained")
+    axes = figure.subplots()
+    axes.imshow(np.dstack([image, image // 6, image // 6]))
+    _draw_cable(axes, sample, settings, image.shape[0])
+    raw = (sample.raw_rad or 0.0) * 1e3
+    axes.set_title(f"{stamps[k] - run.t_move_s:+.2f} s from the start of the move: {raw:.2f} mrad in the picture", fontsize=9)
+    axes.set_xlim(0, image.shape[1])
+    axes.set_ylim(image.shape[0], min(0.0, settings["pivot_home_px"][1] - 10))
+    axes.legend(loc="lower right", fontsize=8)
+    return figure
+
+
+def _draw_cable(axes: Axes, sample: AngleSample, settings: dict[str, Any], height: int) -> None:
+    u0, v0 = settings["pivot_home_px"]
+    u0 += settings["pixels_per_m"] * (sample.platform_m or 0.0)
+    rows = np.array([v0, height - 1.0])
+    columns = u0 + (sample.pivot_miss_px or 0.0) + math.tan(sample.raw_rad or 0.0) * (rows - v0)
+    axes.plot(columns, rows, color="#00e5ff", lw=1.0, ls="--", label=f"detected cable ({sample.rows} rows)")
+    axes.plot([u0], [v0], "x", color="#ffd600", label="predicted pivot")
+
+
+def _two() -> tuple[Figure, tuple[Axes, Axes]]:
+    figure = Figure(figsize=(WIDE, TALL * 1.5), layout="constrained")
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
+    return figure, (upper, lower)
+
+
+def _move_window(run: RunLog) -> tuple[float, float]:
+    end_s = run.plan.time_s if run.plan.time_s else run.plan.watch_s
+    return run.t_move_s - AROUND_S, run.t_move_s + end_s + AROUND_S
+
+
+def _cut(t: Array, y: Array, t0: float, t1: float, zero_s: float) -> tuple[Array, Array]:
+    keep = (t >= t0) & (t <= t1)
+    return t[keep] - zero_s, y[keep]
+
+
+def _finish(axes: Axes, ylabel: str, xlabel: str) -> None:
+    axes.set_ylabel(ylabel)
+    axes.set_xlabel(xlabel)
+    axes.grid(alpha=0.25, lw=0.5)
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="upper right", fontsize=8, ncols=5, framealpha=0.85)

@@ -1,0 +1,182 @@
+"""What a run amounts to before anything starts: the plan on the grid, what each task is told, and the preflight checks."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from comms.messages import Position
+from planners import catalog
+from planners.errors import PlanError
+from planners.models.pendulum import PendulumModel
+from planners.motion import Motion
+from planners.problem import Limits, Plan, Problem
+from rig import calibration_file
+from rig.config import Experiment
+from rig.controller.task import ControllerSettings
+from rig.errors import ConfigError, Refused
+from rig.runtime import bench
+from rig.safety import Envelope, Gate
+from rig.streamer import PERIOD_NS, StreamerSettings
+from vision.task import VisionSettings
+
+MARGIN = 1.1  # of the plan's limits, where [safety] names no own
+MS = 1_000_000  # ns
+
+
+class PlanRecord(msgspec.Struct, frozen=True, kw_only=True):
+    """The plan as it is played: positions on the 10 ms grid from t_start; travels in the log."""
+
+    planner: str
+    distance_m: float
+    time_s: float  # 0 = nothing moves
+    quiet_s: float
+    watch_s: float
+    positions_m: list[Position]
+    metrics: dict[str, float | bool] | None
+
+    @property
+    def duration_s(self) -> float:
+        """From t_start to the end of the watch."""
+        return self.quiet_s + self.time_s + self.watch_s
+
+
+class Job(msgspec.Struct, frozen=True, kw_only=True):
+    """Everything a runner needs."""
+
+    experiment: Experiment
+    plan: PlanRecord
+    calibration: str
+    settings: dict[str, Any]  # task name -> what it is told
+
+    def attachments(self) -> dict[str, bytes]:
+        """Files that travel inside the log."""
+        encode = msgspec.json.encode
+        return {
+            "experiment.json": encode(self.experiment),
+            "plan.json": encode(self.plan),
+            "bench.json": encode(self.settings["bench"]),
+            "vision.json": encode(self.settings.get("vision")),
+        }
+
+
+def plan_move(experiment: Experiment, timer: Any = None) -> Plan | None:
+    """The planner's answer, None when nothing is to move. Raises ConfigError for a problem that has none."""
+    e = experiment
+    if not e.moves:
+        return None
+    try:
+        problem = Problem(
+            start_m=e.move.start_m,
+            distance_m=e.move.distance_m,
+            time_s=e.move.time_s,
+            axis=e.move.axis,
+            model=PendulumModel(
+                length_m=e.model.length_m, damping_ratio=e.model.damping_ratio, gravity_m_s2=e.model.gravity_m_s2
+            ),
+            input=e.plan.input,
+            law=e.plan.law,
+            limits=Limits(speed_m_s=e.limits.speed_m_s, acceleration_m_s2=e.limits.acceleration_m_s2),
+        )
+        return catalog.plan(e.experiment.planner, problem, timer)
+    except PlanError as error:
+        raise ConfigError(str(error)) from error
+
+
+def prepare(experiment: Experiment, plan: Plan | None, motion: Motion | None = None) -> Job:
+    """What each task is told. motion replaces the plan's (a calibration goes from point to point).
+
+    Raises Refused when limits, workspace or envelope would be left; nothing has started then.
+    """
+    if plan is not None and plan.reasons:
+        raise Refused(f"the plan leaves [limits]: {'; '.join(plan.reasons)}")
+    record = _record(experiment, plan, motion or (plan.motion if plan else None))
+    envelope = _envelope(experiment)
+    _check_envelope(record, envelope)
+    name, calibration = calibration_file.find(experiment)
+    settings: dict[str, Any] = {
+        "bench": bench.params(experiment),
+        "controller": ControllerSettings(reference_stale_ns=round(experiment.safety.reference_stale_ms * MS)),
+    }
+    if experiment.camera.rate_hz > 0:
+        settings["vision"] = _vision(experiment, calibration)
+    settings["streamer"] = _streamer(experiment, record, envelope)
+    return Job(experiment=experiment, plan=record, calibration=name, settings=settings)
+
+
+def _record(experiment: Experiment, plan: Plan | None, motion: Motion | None) -> PlanRecord:
+    e = experiment.experiment
+    time_s = motion.duration_s if motion else 0.0
+    ticks = math.ceil((e.quiet_s + time_s) / (PERIOD_NS * 1e-9)) + 1
+    t_s = np.arange(ticks) * (PERIOD_NS * 1e-9) - e.quiet_s
+    places = motion.at(t_s) if motion else np.tile([experiment.move.start_m, 0.0, 0.0], (1, 1))
+    return PlanRecord(
+        planner=plan.planner if plan else e.planner if motion else "none",
+        distance_m=experiment.move.distance_m if plan else 0.0,
+        time_s=time_s,
+        quiet_s=e.quiet_s,
+        watch_s=e.watch_s,
+        positions_m=[(float(x), float(y), float(z)) for x, y, z in places],
+        metrics=_metrics(plan),
+    )
+
+
+def _metrics(plan: Plan | None) -> dict[str, float | bool] | None:
+    if plan is None:
+        return None
+    from dataclasses import asdict
+
+    return asdict(plan.metrics)
+
+
+def _envelope(experiment: Experiment) -> Envelope:
+    s, limits = experiment.safety, experiment.limits
+    if s.position_min_m >= s.position_max_m:
+        raise ConfigError(f"[safety] position_min_m = {s.position_min_m}; must be < position_max_m = {s.position_max_m}")
+    return Envelope(
+        position_min_m=s.position_min_m,
+        position_max_m=s.position_max_m,
+        speed_m_s=s.speed_m_s or MARGIN * limits.speed_m_s,
+        acceleration_m_s2=s.acceleration_m_s2 or MARGIN * limits.acceleration_m_s2,
+    )
+
+
+def _check_envelope(record: PlanRecord, envelope: Envelope) -> None:
+    gate = Gate(envelope)
+    for k, position in enumerate(record.positions_m):
+        refusal = gate.refusal(k * PERIOD_NS, position)
+        if refusal is not None:
+            at_s = k * PERIOD_NS * 1e-9 - record.quiet_s
+            raise Refused(f"the plan leaves the [safety] envelope {at_s:.2f} s into the move: {refusal}; shorten or slow it")
+
+
+def _vision(experiment: Experiment, calibration: calibration_file.Calibration | None) -> VisionSettings:
+    v = experiment.vision
+    return VisionSettings(
+        width=experiment.camera.width,
+        height=experiment.camera.height,
+        period_ns=round(1e9 / experiment.camera.rate_hz),
+        average_frames=v.average_frames,
+        processing_ns=round(v.processing_ms * MS),
+        pivot_home_px=calibration.pivot_home_px if calibration else v.rough_pivot_px,
+        pixels_per_m=calibration.pixels_per_m if calibration else v.rough_pixels_per_m,
+        x_m=calibration.x_m if calibration else [],
+        offset_rad=calibration.offset_rad if calibration else [],
+    )
+
+
+def _streamer(experiment: Experiment, record: PlanRecord, envelope: Envelope) -> StreamerSettings:
+    tick_s = PERIOD_NS * 1e-9
+    first = math.ceil(record.quiet_s / tick_s)
+    last = math.ceil((record.quiet_s + record.time_s) / tick_s)
+    return StreamerSettings(
+        positions_m=record.positions_m,
+        move_ticks=(first, last) if record.time_s else (0, 0),
+        envelope=envelope,
+        angle_stale_ns=round(experiment.safety.angle_stale_ms * MS) if experiment.camera.rate_hz > 0 else 0,
+        natural_frequency_rad_s=math.sqrt(experiment.model.gravity_m_s2 / experiment.model.length_m),
+        initial_swing_rad=experiment.safety.initial_swing_rad,
+    )

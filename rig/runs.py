@@ -1,0 +1,41 @@
+"""The folder of a run: where it is, what is in it, how a name a user typed becomes one."""
+
+from __future__ import annotations
+
+import re
+import secrets
+from datetime import datetime
+from pathlib import Path
+
+from rig.errors import Refused, RigError
+
+LOG, REPORT = "run.mcap", "report.html"
+
+
+def new_folder(runs: Path, name: str, mode: str, now: datetime) -> Path:
+    """Make runs/<utc>_<name>_<mode>_<id>; raises Refused when that cannot be written."""
+    slug = re.sub(r"[^A-Za-z0-9_-]+", "-", name)
+    folder = runs / f"{now:%Y%m%dT%H%M%SZ}_{slug}_{mode}_{secrets.token_hex(2)}"
+    try:
+        folder.mkdir(parents=True)
+    except OSError as error:
+        raise Refused(f"cannot make the run folder {folder}: {error.strerror}; name another one with --runs") from error
+    return folder
+
+
+def find_log(name: str, runs: Path) -> Path:
+    """The log a user means: a run folder, a log file, the id of a run in `runs`, or `last`."""
+    path = Path(name)
+    if path.is_file():
+        return path
+    if path.is_dir():
+        return path / LOG
+    known = sorted(p.name for p in runs.iterdir() if (p / LOG).is_file()) if runs.is_dir() else []
+    if name == "last" and known:
+        return runs / known[-1] / LOG
+    matches = [k for k in known if name and name in k]
+    if len(matches) == 1:
+        return runs / matches[0] / LOG
+    what = "no such run" if not matches else f"{len(matches)} runs match"
+    hint = f"newest: {known[-1]}" if known else f"no runs in {runs} yet: start one with `rig run`"
+    raise RigError(f"run '{name}': {what}; name a run folder, a .mcap file or `last` ({hint})")

@@ -1,0 +1,54 @@
+"""The one door to the simulated bench: `[bench.*]` in, a task or its settings out. Nothing else in rig/ knows its insides."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import msgspec
+
+from comms.task import Task
+from rig.config import Experiment, convert
+from rig.errors import ConfigError
+from sim_rig.camera import Pinhole
+from sim_rig.params import BenchParams, Camera, Pendulum, Robot, View
+from sim_rig.task import BenchTask
+
+TruthRow = tuple[int, float, float, Any]  # frame, t_s, angle_rad, BGR picture
+
+
+def params(experiment: Experiment) -> BenchParams:
+    """The world of an experiment; raises ConfigError naming section, key, value and bound."""
+    bench, view = experiment.bench, experiment.camera
+    try:
+        return BenchParams(
+            pendulum=convert(bench.pendulum, Pendulum, "bench.pendulum"),
+            robot=convert(bench.robot, Robot, "bench.robot"),
+            camera=convert(bench.camera, Camera, "bench.camera"),
+            view=View(width=view.width, height=view.height, rate_hz=view.rate_hz),
+            start_m=(experiment.move.start_m, 0.0, 0.0),
+            seed=experiment.experiment.seed,
+        )
+    except ValueError as error:
+        raise ConfigError(str(error)) from None
+
+
+def task(settings: Any) -> Task:
+    """The simulated bench as a task of this process."""
+    return BenchTask(msgspec.convert(msgspec.to_builtins(settings), BenchParams))
+
+
+def pivot_px(experiment: Experiment) -> tuple[float, float]:
+    """Where the cable's upper end is in the picture before anything moves [px]."""
+    world = params(experiment)
+    line = Pinhole(world.camera, world.view, world.home_m).line(world.start_m, 0.0)
+    if line is None:
+        raise ConfigError("[bench.camera] does not see the cable: move it back or level it")
+    return line.column_px + line.slope * line.pivot_row_px, line.pivot_row_px
+
+
+def synthetic_video(experiment: Experiment, seconds: float) -> Iterator[TruthRow]:
+    """Frames of a freely swinging load with their truth."""
+    from sim_rig.synthetic import swinging_video
+
+    yield from swinging_video(params(experiment), seconds)

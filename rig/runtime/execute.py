@@ -1,0 +1,144 @@
+"""One run, in virtual time or on the wall clock, recorded from the first instant; nothing recorded is ever lost."""
+
+from __future__ import annotations
+
+import os
+import platform
+import subprocess
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+from comms.clock import cpu_s, new_run_clock, stopwatch_s, utc_now
+from comms.link import LinkCount
+from comms.task import Task
+from rig import runs
+from rig.controller.task import Controller
+from rig.errors import BAD_DATA, FAULT, OK, REFUSED, STOPPED
+from rig.job import Job
+from rig.operator import Operator
+from rig.recorder import Recorder
+from rig.runtime import bench
+from rig.runtime.interrupts import Interrupts
+from rig.runtime.processes import ProcessRunner
+from rig.runtime.virtual import VirtualRunner
+from rig.streamer import Streamer
+
+Mode = Literal["wall", "virtual"]
+Progress = Callable[[int, Operator], None]  # run clock [ns]; called often
+EXIT_STATUS = {OK: "ok", STOPPED: "stopped", REFUSED: "stopped", FAULT: "fault", BAD_DATA: "bad_data"}
+PACKAGES = ("swayless", "numpy", "scipy", "opencv-python-headless", "pyzmq", "mcap", "msgspec")
+
+
+class Outcome(NamedTuple):
+    """How a run ended; loop_s is the wall time from the first task's start to the last one's end."""
+
+    exit_code: int
+    reasons: list[str]
+    digest: str | None
+    loop_s: float
+
+
+def execute(job: Job, mode: Mode, folder: Path, progress: Progress) -> Outcome:
+    """Run a job and leave run.mcap in folder. Raises what kept it from starting; the log is closed even then."""
+    operator = Operator(list(job.settings), round(job.plan.duration_s * 1e9))
+    recorder = Recorder(folder / runs.LOG, _start(job, mode, folder), job.attachments())
+    rows: dict[str, LinkCount] = {}
+    digest, code, reasons = None, FAULT, ["the run was cut off"]
+    began, began_cpu, end_ns = stopwatch_s(), cpu_s(), 0
+    try:
+        with Interrupts() as interrupts:
+            if mode == "virtual":
+                runner = _virtual(job, operator, recorder, progress, interrupts)
+                rows, digest = runner.run(), runner.digest
+                end_ns = runner.t_ns
+                for event in operator.events:
+                    recorder.record(event, event.t_ns)
+            else:
+                clock = new_run_clock()
+                rows = _wall(job, operator, recorder, progress, interrupts, clock, folder)
+                end_ns = clock.now_ns()
+        code, reasons = operator.exit_code, operator.reasons
+    except Exception as error:
+        reasons = [str(error)]
+        raise
+    finally:
+        loop_s = stopwatch_s() - began
+        stop = {
+            "exit_status": EXIT_STATUS[code],
+            "exit_code": str(code),
+            "reasons": "\n".join(reasons),
+            "digest": digest or "",
+            "loop_s": f"{loop_s:.4f}",
+            "cpu_s": f"{cpu_s() - began_cpu:.3f}",
+            "utc": utc_now().isoformat(),
+        }
+        recorder.close(rows, stop, end_ns)
+    return Outcome(code, reasons, digest, loop_s)
+
+
+def _virtual(job: Job, operator: Operator, recorder: Recorder, progress: Progress, interrupts: Interrupts) -> VirtualRunner:
+    e = job.experiment
+    return VirtualRunner(
+        tasks=[_task(name, settings) for name, settings in job.settings.items()],
+        operator=operator,
+        faults=e.links,
+        seed=e.experiment.seed,
+        recorder=recorder,
+        pictures_hz=e.record.pictures_hz,
+        interrupts=interrupts,
+        progress=lambda t_ns: progress(t_ns, operator),
+    )
+
+
+def _task(name: str, settings: Any) -> Task:
+    if name == "bench":
+        return bench.task(settings)
+    if name == "vision":
+        from vision.task import VisionTask
+
+        return VisionTask(settings)
+    return Controller(settings) if name == "controller" else Streamer(settings)
+
+
+def _wall(
+    job: Job, operator: Operator, recorder: Recorder, progress: Progress, interrupts: Interrupts, clock: Any, folder: Path
+) -> dict[str, LinkCount]:
+    e = job.experiment
+    runner = ProcessRunner(job.settings, operator, clock, recorder, interrupts, lambda t_ns: progress(t_ns, operator), folder)
+    return runner.run(e.network.bind, e.network.base_port, e.experiment.seed, dict(e.links), e.record.pictures_hz)
+
+
+def _start(job: Job, mode: Mode, folder: Path) -> dict[str, str]:
+    e = job.experiment.experiment
+    commit, dirty = _git()
+    return {
+        "run_id": folder.name,
+        "experiment": e.name,
+        "kind": e.kind,
+        "mode": mode,
+        "seed": str(e.seed),
+        "purpose": e.purpose,
+        "calibration": job.calibration,
+        "utc": utc_now().isoformat(),
+        "clock": "CLOCK_MONOTONIC from the operator's start" if mode == "wall" else "virtual",
+        "operator": os.environ.get("USER", "unknown"),
+        "host": platform.node(),
+        "system": platform.platform(),
+        "python": platform.python_version(),
+        "versions": " ".join(f"{name}={version(name)}" for name in PACKAGES),
+        "git_commit": commit,
+        "git_dirty": dirty,
+    }
+
+
+def _git() -> tuple[str, str]:
+    """Commit and dirty flag of the checkout this code runs from, `unknown` outside one."""
+    where = Path(__file__).resolve().parents[2]
+    try:
+        ask = ["git", "-C", str(where), "describe", "--always", "--dirty", "--abbrev=40", "--exclude=*"]
+        said = subprocess.run(ask, capture_output=True, text=True, timeout=5, check=True).stdout.strip()
+    except (OSError, subprocess.SubprocessError):
+        return "unknown", "unknown"
+    return said.removesuffix("-dirty"), str(said.endswith("-dirty")).lower()

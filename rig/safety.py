@@ -1,0 +1,64 @@
+"""The envelope every outgoing reference must lie in: position, speed, acceleration, from the references themselves."""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+
+from comms.messages import Position
+from rig.controller.interpolator import WINDOW_NS
+
+ROUNDING = 1e-9  # metres: what summing floats may cost
+
+
+class Envelope(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Bounds on references, along each axis."""
+
+    position_min_m: float
+    position_max_m: float
+    speed_m_s: float
+    acceleration_m_s2: float
+
+
+class Gate:
+    """Checks references one after the other; speed and acceleration are differences of what was let through.
+
+    A gap between references buys no speed: the controller makes up for any gap within one window.
+    """
+
+    def __init__(self, envelope: Envelope) -> None:
+        self._envelope = envelope
+        self._t_ns = 0
+        self._position: Position | None = None
+        self._velocity = (0.0, 0.0, 0.0)
+
+    def refusal(self, t_ns: int, position_m: Position) -> str | None:
+        """None when the reference may go out, else what it would break, the value and the bound."""
+        e = self._envelope
+        for axis, place in zip("xyz", position_m, strict=True):
+            if not e.position_min_m <= place <= e.position_max_m:  # NaN is outside as well
+                return f"{axis} = {place:.4f} m; must be {e.position_min_m} to {e.position_max_m} m"
+        if self._position is None:
+            self._t_ns, self._position = t_ns, position_m
+            return None
+        dt = (t_ns - self._t_ns) * 1e-9
+        if dt <= 0:
+            return f"reference {-dt * 1e3:.1f} ms back in time; must be later than the one before"
+        velocity = tuple((new - old) / dt for new, old in zip(position_m, self._position, strict=True))
+        refusal = self._too_fast(velocity, dt)
+        if refusal is None:
+            self._t_ns, self._position = t_ns, position_m
+            self._velocity = (velocity[0], velocity[1], velocity[2])
+        return refusal
+
+    def _too_fast(self, velocity: tuple[float, ...], dt: float) -> str | None:
+        e = self._envelope
+        window = min(dt, WINDOW_NS * 1e-9)
+        speed = math.hypot(*velocity) * dt / window
+        if not speed <= e.speed_m_s + ROUNDING / window:  # a bound that is NaN refuses too
+            return f"speed {speed:.3f} m/s; must be <= {e.speed_m_s:.3f} m/s"
+        acceleration = math.dist(velocity, self._velocity) / dt
+        if not acceleration <= e.acceleration_m_s2 + 4 * ROUNDING / dt**2:
+            return f"acceleration {acceleration:.2f} m/s2; must be <= {e.acceleration_m_s2:.2f} m/s2"
+        return None

@@ -1,0 +1,128 @@
+"""The bench as a task: setpoints in; encoder readings, pictures and the truth out, with exact stamps however late it runs."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+
+from comms.channels import MS
+from comms.messages import Command, Frame, JointState, Message, Phase, Position, Reply, Setpoint, Truth, Velocity, Verb
+from comms.task import NOTHING, Send, Step
+from sim_rig.bench import Bench
+from sim_rig.params import BenchParams
+from sim_rig.shutter import Exposure, Shutter
+
+TICK_NS = 5 * MS  # encoders are read on this grid of the run clock
+TRUTH_NS = 10 * MS  # a multiple of TICK_NS
+CATCH_UP_NS = 250 * MS  # most rig time made up in one call, to bound its pictures; the next wake follows at once
+NEVER_NS = 2**63
+
+
+class BenchTask:
+    """comms.task.Task: robot, load and camera behind the wire.
+
+    The world stands still until `start`, which releases the load at rest from its initial swing. Physics stops only at grid
+    instants, exposures and arrivals of setpoints, so what happens does not depend on when the task is woken.
+    """
+
+    name = "bench"
+
+    def __init__(self, params: BenchParams) -> None:
+        self.late_ticks = 0  # encoder readings that were skipped because a newer one was due
+        self._params = params
+        self._bench = Bench(params)
+        self._shutter: Shutter | None = None
+        self._tick_ns = 0
+        self._setpoints: deque[tuple[int, Position]] = deque()  # arrived, not yet in force: only while catching up
+        self._aim_m = params.start_m
+        self._phase = Phase.IDLE
+        self._sent: Counter[str] = Counter()
+
+    def start(self, t_ns: int) -> Step:
+        """Release the load; a grid instant at t_ns itself is served at once."""
+        self._bench = Bench(self._params, t_ns)
+        if self._params.view.rate_hz > 0.0:
+            self._shutter = Shutter(self._params, t_ns)
+        self._tick_ns = t_ns + -t_ns % TICK_NS
+        return self.on_tick(t_ns)
+
+    def on_message(self, channel: str, message: Message, t_ns: int) -> Step:
+        """A setpoint takes effect on arrival; a command is answered, and CLOSE ends the task. The world heeds no stop."""
+        if isinstance(message, Setpoint):
+            self._phase = Phase.RUNNING
+            if message.position_m == self._aim_m:  # holding: nothing to stop the physics for
+                return NOTHING
+            self._aim_m = message.position_m
+            self._setpoints.append((t_ns, message.position_m))
+            return self.on_tick(t_ns)
+        if isinstance(message, Command):
+            text = f"{self.late_ticks} late ticks"
+            reply = Reply(
+                seq=self._seq("reply"), t_ns=t_ns, id=message.id, sender=self.name, ok=True, phase=self._phase, text=text
+            )
+            return Step([Send("reply", reply, t_ns)], exit=0 if message.verb is Verb.CLOSE else None)
+        return NOTHING
+
+    def on_tick(self, t_ns: int) -> Step:
+        """Everything due up to t_ns, in the order of time; of several encoder readings only the newest."""
+        bench, shutter, setpoints = self._bench, self._shutter, self._setpoints
+        horizon_ns = min(t_ns, bench.t_ns + CATCH_UP_NS)
+        sends: list[Send] = []
+        readings = 0
+        while True:
+            look_ns = shutter.next_ns if shutter else NEVER_NS
+            due_ns = min(self._tick_ns, look_ns, setpoints[0][0] if setpoints else NEVER_NS)
+            if due_ns > horizon_ns:
+                break
+            bench.advance(max(due_ns, bench.t_ns))
+            if due_ns == self._tick_ns:
+                read_ns, position_m, velocity_m_s = due_ns, bench.position_m, bench.velocity_m_s
+                readings += 1
+                self._tick_ns += TICK_NS
+                if due_ns % TRUTH_NS == 0:
+                    sends.append(Send("truth", self._truth(due_ns, position_m, velocity_m_s), t_ns))
+            if shutter and due_ns == look_ns and (exposure := shutter.look(bench)):
+                sends.append(Send("frame", self._frame(exposure, shutter.exposure_ns), t_ns))
+            if setpoints and due_ns == setpoints[0][0]:
+                bench.setpoint(setpoints.popleft()[1])
+        if readings:
+            self.late_ticks += readings - 1
+            seq = self._seq("joint_state")
+            reading = JointState(seq=seq, t_ns=read_ns, position_m=position_m, velocity_m_s=velocity_m_s)
+            sends.append(Send("joint_state", reading, t_ns))
+        wake_ns = min(self._tick_ns, shutter.closes_ns) if shutter else self._tick_ns
+        return Step(sends, max(wake_ns, t_ns))
+
+    def stop(self, t_ns: int) -> Step:
+        """Nothing to put down."""
+        return NOTHING
+
+    def _truth(self, t_ns: int, position_m: Position, velocity_m_s: Velocity) -> Truth:
+        return Truth(
+            seq=self._seq("truth"),
+            t_ns=t_ns,
+            angle_rad=self._bench.angle_rad,
+            angular_velocity_rad_s=self._bench.angular_velocity_rad_s,
+            position_m=position_m,
+            velocity_m_s=velocity_m_s,
+        )
+
+    def _frame(self, exposure: Exposure, exposure_ns: int) -> Frame:
+        height, width = exposure.pixels.shape
+        return Frame(
+            seq=self._seq("frame"),
+            t_ns=exposure.start_ns + exposure_ns,
+            t_exposure_start_ns=exposure.start_ns,
+            exposure_ns=exposure_ns,
+            row_ns=0,
+            camera=self._params.camera.name,
+            encoding="mono8",
+            height=height,
+            width=width,
+            pixels=exposure.pixels,
+        )
+
+    def _seq(self, channel: str) -> int:
+        """The next count of a channel, from 0."""
+        seq = self._sent[channel]
+        self._sent[channel] = seq + 1
+        return seq

@@ -1,0 +1,262 @@
+"""The path of a run, hop by hop in the order of docs/path.md, then the whole loop in virtual time."""
+
+import math
+
+import msgspec
+import numpy as np
+import pytest
+
+from comms.messages import AngleSample, Command, Frame, JointState, Phase, Reason, Reference, RobotState, Setpoint, Truth, Verb
+from rig import config, experiment
+from rig.analysis.analyze import Analysis
+from rig.controller.task import Controller, ControllerSettings
+from rig.job import plan_move, prepare
+from rig.recorder import Recorder
+from rig.runs import LOG
+from rig.runtime import bench
+from rig.streamer import Streamer
+from vision.task import VisionTask
+
+MS = 1_000_000
+SHORT = ["experiment.quiet_s=0.6", "experiment.watch_s=4", "record.pictures_hz=1"]
+
+
+def loaded(*changes):
+    return config.load("move", [*SHORT, *changes])
+
+
+def sent(step, channel):
+    return [send.message for send in step.sends if send.channel == channel]
+
+
+def order(verb, to, t_ns, t_start_ns=0):
+    return Command(seq=0, t_ns=t_ns, id=1, to=to, verb=verb, t_start_ns=t_start_ns)
+
+
+def resting(seq, t_ns, x_m=0.0, cls=RobotState):
+    place, still = (x_m, 0.0, 0.0), (0.0, 0.0, 0.0)
+    if cls is JointState:
+        return JointState(seq=seq, t_ns=t_ns, position_m=place, velocity_m_s=still)
+    return RobotState(
+        seq=seq, t_ns=t_ns, t_actual_ns=t_ns, commanded_m=place, actual_m=place, actual_velocity_m_s=still, phase=Phase.IDLE
+    )
+
+
+# 1 config
+
+
+def test_an_experiment_file_becomes_an_experiment_that_keeps_belief_and_truth_apart():
+    chosen = loaded()
+    assert chosen.model.length_m == 1.0
+    assert bench.params(chosen).pendulum.length_m == 0.98
+
+
+# 2 planner
+
+
+def test_the_plan_of_the_experiment_ends_at_rest_where_it_should():
+    motion = plan_move(loaded()).motion
+    assert motion.duration_s == pytest.approx(1.5)
+    assert motion.at(motion.duration_s) == pytest.approx([0.2, 0.0, 0.0], abs=1e-12)
+    assert motion.at(motion.duration_s, 1) == pytest.approx([0.0, 0.0, 0.0], abs=1e-9)
+
+
+# 3 job
+
+
+def test_every_task_is_told_what_it_needs_and_no_task_but_the_bench_is_told_the_truth():
+    job = prepare(loaded(), plan_move(loaded()))
+    told = {name: msgspec.json.encode(settings).decode() for name, settings in job.settings.items()}
+    assert set(told) == {"bench", "controller", "vision", "streamer"}
+    assert "0.98" in told["bench"]
+    assert not any("0.98" in words or "pitch" in words for name, words in told.items() if name != "bench")
+
+
+# 4 streamer
+
+
+def test_the_streamer_plays_the_plan_on_its_grid():
+    chosen = loaded()
+    plan = plan_move(chosen)
+    streamer = Streamer(prepare(chosen, plan).settings["streamer"])
+    streamer.start(0)
+    streamer.on_message("robot_state", resting(0, 0), 0)
+    streamer.on_message("command", order(Verb.ARM, "streamer", 0), 0)
+    streamer.on_message("command", order(Verb.START, "streamer", 0, 60 * MS), 0)
+    t_ns = 60 * MS + 1_000 * MS  # 0.4 s into the move
+    for k in range(100):
+        streamer.on_message("angle", seen(k, 60 * MS + k * 10 * MS), 60 * MS + k * 10 * MS)
+        streamer.on_tick(60 * MS + k * 10 * MS)
+    (reference,) = sent(streamer.on_tick(t_ns), "reference")
+    assert reference.t_target_ns == t_ns
+    assert reference.position_m[0] == pytest.approx(float(plan.motion.x.at(0.4)), abs=1e-12)
+
+
+def seen(seq, t_ns, angle_rad=0.0):
+    return AngleSample(
+        seq=seq,
+        t_ns=t_ns,
+        t_valid_ns=t_ns,
+        angle_rad=angle_rad,
+        sigma_rad=1e-5,
+        valid=True,
+        reason=Reason.NONE,
+        raw_rad=angle_rad,
+        offset_rad=0.0,
+        platform_m=0.0,
+        rows=480,
+        residual_px=0.03,
+        pivot_miss_px=0.0,
+        background=200.0,
+        saturation=0.0,
+    )
+
+
+# 5 controller
+
+
+def test_the_controller_turns_a_reference_into_six_even_setpoints():
+    controller = Controller(ControllerSettings(reference_stale_ns=300 * MS))
+    controller.start(0)
+    controller.on_message("joint_state", resting(0, 5 * MS, cls=JointState), 5 * MS)
+    controller.on_message("command", order(Verb.ARM, "controller", 6 * MS), 6 * MS)
+    controller.on_message("command", order(Verb.START, "controller", 7 * MS, 60 * MS), 7 * MS)
+    reference = Reference(seq=0, t_ns=50 * MS, t_target_ns=50 * MS, position_m=(0.006, 0.0, 0.0))
+    controller.on_message("reference", reference, 50 * MS)
+    steps = [controller.on_tick(t * MS) for t in range(60, 90, 5)]
+    places = [setpoint.position_m[0] for step in steps for setpoint in sent(step, "setpoint")]
+    assert places == pytest.approx([0.001, 0.002, 0.003, 0.004, 0.005, 0.006])
+    assert [len(sent(step, "platform")) for step in steps] == [1, 0, 1, 0, 1, 0]
+
+
+# 6 bench: robot, pendulum, camera
+
+
+def test_the_bench_moves_pushes_the_load_back_and_shows_it():
+    world = bench.task(prepare(loaded(), plan_move(loaded())).settings["bench"])
+    world.start(0)
+    world.on_message("setpoint", Setpoint(seq=0, t_ns=3 * MS, position_m=(0.01, 0.0, 0.0)), 3 * MS)
+    sends = [send for t in range(5, 205, 5) for send in world.on_tick(t * MS).sends]
+    joints = [s.message for s in sends if s.channel == "joint_state"]
+    truths = [s.message for s in sends if s.channel == "truth"]
+    frames = [s.message for s in sends if s.channel == "frame"]
+    assert joints[-1].position_m[0] == pytest.approx(0.01, abs=1e-4)  # the servo has settled
+    assert min(t.angle_rad for t in truths) < -5e-3  # a push to the right leaves the load behind
+    assert [f.t_exposure_start_ns for f in frames[:3]] == [0, 20 * MS, 40 * MS]
+    assert frames[0].pixels.shape == (480, 640)
+
+
+# 7 camera -> tracker -> offset table -> filter
+
+
+def test_the_tracker_sees_what_the_camera_shows_at_the_instant_it_says():
+    changed = loaded("bench.pendulum.initial_swing_rad=0.03")
+    settings = prepare(changed, plan_move(changed)).settings
+    world, vision = bench.task(settings["bench"]), VisionTask(settings["vision"])
+    vision.start(0)
+    truth, angles = {}, []
+    sends = list(world.start(0).sends)
+    for t in range(5, 505, 5):
+        sends += world.on_tick(t * MS).sends
+    for _, message, at_ns in sends:
+        if isinstance(message, Truth):
+            truth[message.t_ns] = message.angle_rad
+        elif isinstance(message, JointState):
+            vision.on_message("platform", resting(0, message.t_ns), at_ns)
+        elif isinstance(message, Frame):
+            angles += sent(vision.on_message("frame", message, at_ns + 8 * MS), "angle")
+    stamps = sorted(truth)
+    expected = np.interp([a.t_valid_ns for a in angles], stamps, [truth[t] for t in stamps])
+    assert all(a.valid for a in angles)
+    assert np.array([a.angle_rad for a in angles]) == pytest.approx(expected, abs=0.4e-3)  # 1 degree of pitch: 0.5 % of gain
+
+
+# 8 recorder -> analysis
+
+
+def test_what_the_recorder_writes_the_analysis_reads(tmp_path):
+    job = prepare(loaded(), plan_move(loaded()))
+    start = {"run_id": "r", "mode": "virtual", "experiment": "move", "kind": "move"}
+    recorder = Recorder(tmp_path / LOG, start, job.attachments())
+    recorder.message("command", order(Verb.START, "streamer", 5, 60 * MS), 5)
+    recorder.message("angle", seen(0, 7, 0.01), 9)
+    recorder.close({}, {"exit_status": "ok", "exit_code": "0"}, 10)
+    run = Analysis(tmp_path / LOG).run
+    assert run.t_start_s == pytest.approx(0.06)
+    assert run.angles == [seen(0, 7, 0.01)]
+    assert run.experiment == job.experiment
+
+
+# the whole loop
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    ran = experiment.run(loaded(), "virtual", tmp_path_factory.mktemp("runs"), quietly, quietly)
+    return Analysis(ran.folder / LOG)
+
+
+def quietly(*_):
+    return None
+
+
+def test_the_loop_ends_well_and_every_packet_is_accounted_for(whole):
+    assert (whole.summary.exit_status, whole.summary.verdict, whole.summary.reasons) == ("ok", "good", [])
+    assert {name: row.unexplained for name, row in whole.summary.links.items()} == dict.fromkeys(whole.summary.links, 0)
+    assert len(whole.summary.links) == 8
+    assert whole.summary.lateness.references_late == 0
+
+
+def test_the_loop_finds_the_two_centimetres_the_planner_did_not_know(whole):
+    length, sigma = whole.summary.measured.cable_length_m, whole.summary.sigma.cable_length_m
+    assert length == pytest.approx(0.98, abs=max(5 * sigma, 1e-4))
+    assert whole.summary.measured.residual_swing_rad == pytest.approx(whole.summary.truth.residual_swing_rad, rel=0.02)
+
+
+def test_the_measured_swing_is_true_at_its_stamps_without_any_fitted_delay(whole):
+    assert whole.summary.swing_error.outside_move_rad < 0.05e-3
+    assert whole.summary.swing_error.during_move_rad < 0.45e-3
+
+
+def test_the_latencies_are_those_of_the_source_rig(whole):
+    assert whole.summary.latency_ms.vision == pytest.approx(35.0, abs=0.1)  # 5 exposure + 8 link + 2 processing + 20 average
+    assert 50 < whole.summary.latency_ms.command < 70
+
+
+def test_a_plan_that_believes_the_truth_leaves_the_load_nearly_still(tmp_path):
+    ran = experiment.run(loaded("bench.pendulum.length_m=1.0"), "virtual", tmp_path, quietly, quietly)
+    assert Analysis(ran.folder / LOG).summary.truth.residual_swing_rad < 0.6e-3
+
+
+def test_equal_seeds_give_equal_digests_and_other_seeds_others(tmp_path):
+    brief = ["experiment.quiet_s=0.6", "experiment.watch_s=0.2", "move.time_s=1.5"]
+    digests = []
+    for seed in (1, 1, 2):
+        chosen = config.load("move", [*brief, f"experiment.seed={seed}"])
+        digests.append(experiment.run(chosen, "virtual", tmp_path, quietly, quietly).outcome.digest)
+    assert digests[0] == digests[1]
+    assert digests[0] != digests[2]
+
+
+def test_a_free_decay_gives_frequency_and_damping_it_was_not_told(tmp_path):
+    ran = experiment.run(config.load("free_decay", []), "virtual", tmp_path, quietly, quietly)
+    summary = Analysis(ran.folder / LOG).summary
+    truth = math.sqrt(9.81 / 0.9624) / (2 * math.pi)
+    assert summary.measured.natural_frequency_hz == pytest.approx(truth, rel=1e-5)
+    assert summary.measured.damping_ratio == pytest.approx(0.000237, rel=0.01)
+
+
+def test_dropouts_ride_through_holes_and_a_loss_free_twin_stands_beside_them(tmp_path):
+    chosen = config.load("dropouts", SHORT)
+    ran = experiment.run(chosen, "virtual", tmp_path, quietly, quietly)
+    lossy, twin = Analysis(ran.folder / LOG), Analysis(ran.twin / LOG)
+    reference = lossy.summary.links["reference"]
+    assert 0.05 < reference.lost / reference.sent < 0.4
+    assert reference.lost == reference.lost_link
+    assert twin.summary.links["reference"].lost == 0
+    assert farthest_from_plan_m(lossy.run) > 1.5 * farthest_from_plan_m(twin.run)
+
+
+def farthest_from_plan_m(run):
+    _, _, t, actual = run.robot.T
+    return float(np.abs(actual - run.planned_m(t)).max())

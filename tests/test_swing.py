@@ -1,0 +1,77 @@
+"""Swing amplitudes and the Hermite truth against closed forms."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rig.analysis.errors import AnalysisError
+from rig.analysis.swing import initial_swing_rad, peak_swing_rad, residual_amplitude_rad, truth_at
+
+OMEGA_RAD_S = 3.192
+
+
+def test_the_peak_is_the_largest_excursion_to_either_side_inside_the_window() -> None:
+    t = np.arange(6.0)
+    angle = np.array([0.9, 0.1, -0.3, 0.2, 0.25, -0.8])
+    assert peak_swing_rad(t, angle, 1.0, 4.0) == 0.3
+    assert peak_swing_rad(t, angle, 0.0, 5.0) == 0.9
+
+
+def test_a_window_without_angles_has_no_peak() -> None:
+    with pytest.raises(AnalysisError, match=r"\[7.000, 8.000\] s"):
+        peak_swing_rad(np.arange(6.0), np.zeros(6), 7.0, 8.0)
+
+
+@given(phase=st.floats(-math.pi, math.pi), amplitude_rad=st.floats(0.0, 0.3), t_start_s=st.floats(0, 1000))
+def test_the_initial_swing_is_found_at_any_phase_even_on_less_than_two_periods(
+    phase: float, amplitude_rad: float, t_start_s: float
+) -> None:
+    t = t_start_s + np.arange(0, 3.5, 0.02)
+    angle = amplitude_rad * np.cos(OMEGA_RAD_S * t + phase)
+    assert initial_swing_rad(t, angle, OMEGA_RAD_S) == pytest.approx(amplitude_rad, abs=1e-12)
+
+
+def test_noise_moves_the_initial_swing_by_no_more_than_least_squares_allows() -> None:
+    rng = np.random.default_rng(1)
+    t = np.arange(0, 3.5, 0.02)
+    clean = 0.002 * np.cos(OMEGA_RAD_S * t)
+    found = [initial_swing_rad(t, clean + rng.normal(0, 5e-5, t.size), OMEGA_RAD_S) for _ in range(200)]
+    assert np.mean(found) == pytest.approx(0.002, abs=2e-6)
+    assert np.std(found) == pytest.approx(5e-5 * math.sqrt(2 / t.size), rel=0.2)
+
+
+@pytest.mark.parametrize("t_s", [np.array([0.0, 1.0]), np.arange(0, 0.4, 0.02)])
+def test_a_quiet_window_too_short_for_a_sinusoid_is_refused(t_s: np.ndarray[tuple[int], np.dtype[np.float64]]) -> None:
+    with pytest.raises(AnalysisError, match="raise quiet_s"):
+        initial_swing_rad(t_s, np.zeros(t_s.size), OMEGA_RAD_S)
+
+
+@given(t_s=st.floats(0, 100), amplitude_rad=st.floats(1e-6, 0.3), omega_rad_s=st.floats(1, 20))
+def test_the_residual_amplitude_is_the_same_anywhere_on_the_swing(t_s: float, amplitude_rad: float, omega_rad_s: float) -> None:
+    angle_rad = amplitude_rad * math.sin(omega_rad_s * t_s)
+    rate_rad_s = amplitude_rad * omega_rad_s * math.cos(omega_rad_s * t_s)
+    assert residual_amplitude_rad(angle_rad, rate_rad_s, omega_rad_s) == pytest.approx(amplitude_rad, rel=1e-12)
+
+
+def test_the_truth_between_its_stamps_is_true() -> None:
+    known = np.arange(0, 3, 0.01)
+    t = np.linspace(0, known[-1], 5000)
+    between = truth_at(t, known, np.sin(OMEGA_RAD_S * known), OMEGA_RAD_S * np.cos(OMEGA_RAD_S * known))
+    np.testing.assert_allclose(between, np.sin(OMEGA_RAD_S * t), atol=3e-9)
+
+
+@pytest.mark.parametrize("t_s", [-0.001, 1.001])
+def test_the_truth_is_not_told_outside_its_stamps(t_s: float) -> None:
+    with pytest.raises(AnalysisError, match=r"truth covers \[0.000, 1.000\] s"):
+        truth_at(np.array([0.5, t_s]), np.array([0.0, 1.0]), np.zeros(2), np.zeros(2))
+
+
+def test_no_truth_at_all_is_an_error_and_no_question_is_none() -> None:
+    with pytest.raises(AnalysisError, match="truth covers nothing"):
+        truth_at(np.array([0.5]), np.array([]), np.array([]), np.array([]))
+    assert truth_at(np.array([]), np.array([0.0, 1.0]), np.zeros(2), np.zeros(2)).size == 0

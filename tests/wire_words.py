@@ -1,0 +1,160 @@
+"""The wire written a second time, from the table in words: layouts, bounds, any message, one receiving end."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from typing import Any
+
+import msgspec
+import numpy as np
+from hypothesis import strategies as st
+
+from comms.codec import Closing, Reject, decode
+from comms.link import LinkCount, SequenceWindow
+from comms.messages import AngleSample, Frame, JointState, Message, Reference, RobotState, Setpoint, Truth
+from comms.runner import admit
+
+SESSION = 0x5357_4159_4C45_5353
+HEADER = "<2sBBHBxQIq"  # magic, version, channel, length, flags, pad, session, seq, t_ns
+HEADER_BYTES, CRC_BYTES = 28, 4
+
+POSITION, VELOCITY = ("position_m",) * 3, ("velocity_m_s",) * 3
+STATE = ("t_actual_ns", *("commanded_m",) * 3, *("actual_m",) * 3, *("actual_velocity_m_s",) * 3, "phase")
+ANGLE = (
+    *("t_valid_ns", "angle_rad", "sigma_rad", "valid", "reason", "raw_rad", "offset_rad", "platform_m", "rows"),
+    *("residual_px", "pivot_miss_px", "background", "saturation"),
+)
+PICTURE = ("t_exposure_start_ns", "exposure_ns", "row_ns", "camera", "encoding", "height", "width")
+# channel: number on the wire, message, payload, name of each value of the payload
+WIRE: dict[str, tuple[int, type[Message], str, tuple[str, ...]]] = {
+    "reference": (3, Reference, "q3d", ("t_target_ns", *POSITION)),
+    "setpoint": (4, Setpoint, "3d", POSITION),
+    "joint_state": (5, JointState, "6d", POSITION + VELOCITY),
+    "robot_state": (6, RobotState, "q9dB", STATE),
+    "platform": (7, RobotState, "q9dB", STATE),
+    "frame": (8, Frame, "qqq16s8sHH", PICTURE),
+    "angle": (9, AngleSample, "qdd?BdddHdddd", ANGLE),
+    "truth": (10, Truth, "8d", ("angle_rad", "angular_velocity_rad_s", *POSITION, *VELOCITY)),
+}
+LENGTH = {name: HEADER_BYTES + struct.calcsize("<" + row[2]) + CRC_BYTES for name, row in WIRE.items()}
+channels = st.sampled_from(tuple(WIRE))
+
+
+def datagram(
+    channel: str,
+    payload: bytes,
+    *,
+    magic: bytes = b"SW",
+    version: int = 1,
+    flags: int = 0,
+    session: int = SESSION,
+    seq: int = 0,
+    t_ns: int = 0,
+) -> bytes:
+    """A datagram whose length and CRC fit whatever is in it."""
+    size = HEADER_BYTES + len(payload) + CRC_BYTES
+    body = struct.pack(HEADER, magic, version, WIRE[channel][0], size, flags, session, seq, t_ns) + payload
+    return body + struct.pack("<I", zlib.crc32(body))
+
+
+def zeros(channel: str) -> list[Any]:
+    """Payload of a message whose every value is zero; on every channel that is a message to be believed."""
+    values = struct.unpack("<" + WIRE[channel][2], bytes(LENGTH[channel] - HEADER_BYTES - CRC_BYTES))
+    return [name == "valid" or value for name, value in zip(WIRE[channel][3], values, strict=True)]
+
+
+def with_value(channel: str, place: int, value: Any) -> bytes:
+    """A datagram of zeros but for one value of its payload."""
+    values = zeros(channel)
+    values[place] = value
+    return datagram(channel, struct.pack("<" + WIRE[channel][2], *values))
+
+
+def messages(channel: str) -> st.SearchStrategy[Any]:
+    """Any message of a channel, each field anywhere within the bounds its type declares."""
+    kind = WIRE[channel][1]
+    if kind is Frame:
+        return frames()
+    fields = {f.name: _values(f.type) for f in msgspec.inspect.type_info(kind).fields}  # type: ignore[attr-defined]
+    return st.fixed_dictionaries(fields).map(lambda values: kind(**_consistent(values)))
+
+
+def _consistent(values: dict[str, Any]) -> dict[str, Any]:
+    if "valid" in values:
+        values["valid"] = values["angle_rad"] is not None and values["sigma_rad"] is not None
+    return values
+
+
+def _values(kind: Any) -> st.SearchStrategy[Any]:
+    inspect = msgspec.inspect
+    match kind:
+        case inspect.IntType():
+            return st.integers(kind.ge, kind.le)
+        case inspect.FloatType():
+            return st.floats(kind.ge, kind.le, allow_nan=False, allow_infinity=False)
+        case inspect.BoolType():
+            return st.booleans()
+        case inspect.EnumType():
+            return st.sampled_from(tuple(kind.cls))
+        case inspect.TupleType():
+            return st.tuples(*(_values(item) for item in kind.item_types))
+        case inspect.UnionType():
+            return st.one_of(*(_values(item) for item in kind.types))
+        case inspect.NoneType():
+            return st.none()
+        case _:
+            raise TypeError(f"no strategy for {kind}: add one")
+
+
+@st.composite
+def frames(draw: st.DrawFn) -> Frame:
+    """A small picture with random pixels, grey or in colour."""
+    height, width, planes = draw(st.integers(1, 12)), draw(st.integers(1, 12)), draw(st.sampled_from([1, 3]))
+    shape = (height, width) if planes == 1 else (height, width, 3)
+    times = st.integers(0, 2**62)
+    return Frame(
+        seq=draw(st.integers(0, 2**32 - 1)),
+        t_ns=draw(times),
+        t_exposure_start_ns=draw(times),
+        exposure_ns=draw(times),
+        row_ns=draw(times),
+        camera=draw(st.text(st.characters(min_codepoint=33, max_codepoint=126), max_size=16)),
+        encoding="mono8" if planes == 1 else "bgr8",
+        height=height,
+        width=width,
+        pixels=np.frombuffer(
+            draw(st.binary(min_size=height * width * planes, max_size=height * width * planes)), np.uint8
+        ).reshape(shape),
+    )
+
+
+def words(message: Message) -> dict[str, Any]:
+    """Every field of a message but its pixels, to compare."""
+    return {name: value for name, value in msgspec.structs.asdict(message).items() if name != "pixels"}
+
+
+class Gate:
+    """One receiving end: bytes in; a message or None, and the counters that went up, out."""
+
+    def __init__(self, channel: str) -> None:
+        self._channel = channel
+        self._window = SequenceWindow()
+        self.count = LinkCount()
+        self.receipts: list[tuple[int, int, str]] = []
+
+    def take(self, data: bytes, t_ns: int = 0, late_ns: int = 0) -> tuple[Message | None, dict[str, int]]:
+        """Decode and admit one datagram."""
+        return self.admit(decode(self._channel, data, SESSION), t_ns, late_ns)
+
+    def admit(self, got: Message | Closing | Reject, t_ns: int = 0, late_ns: int = 0) -> tuple[Message | None, dict[str, int]]:
+        """Admit what was decoded."""
+        before = _counters(self.count)
+        message = admit(got, self._window, self.count, late_ns, t_ns, self.receipts)
+        after = _counters(self.count)
+        return message, {name: n - before.get(name, 0) for name, n in after.items() if n != before.get(name, 0)}
+
+
+def _counters(count: LinkCount) -> dict[str, int]:
+    plain = {name: value for name, value in msgspec.structs.asdict(count).items() if isinstance(value, int)}
+    return plain | {f"rejected {reason}": n for reason, n in count.rejected.items()}

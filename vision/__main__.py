@@ -1,0 +1,8 @@
+"""The vision task as a process."""
+
+import sys
+
+from comms.runner import main
+from vision.task import build
+
+sys.exit(main(build))

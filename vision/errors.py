@@ -1,0 +1,5 @@
+"""What vision/ raises."""
+
+
+class VisionError(Exception):
+    """Root of everything vision/ raises."""
