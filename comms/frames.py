@@ -94,4 +94,4 @@ def with_pixels(head: Frame, data: memoryview) -> Frame | Reject:
     if len(data) != head.height * head.width * planes:
         return Reject.LENGTH
     shape = (head.height, head.width) if planes == 1 else (head.height, head.width, 3)
-    return msgspec.structs.replace(head, pixels=np.frombuffer(data, dtype=np.uint8).reshape(shape))
+    return msgspec.structs.replace(head, pixels=np.frombuffer(data.toreadonly(), dtype=np.uint8).reshape(shape))

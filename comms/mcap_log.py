@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import struct
+import zlib
+from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
 import msgspec
 import zstandard
 from mcap.exceptions import InvalidMagic, McapError
-from mcap.records import Attachment, Channel, Chunk, Message, Metadata
+from mcap.records import Attachment, Channel, Chunk, DataEnd, Message, Metadata
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import CompressionType, IndexType, Writer
 
@@ -17,6 +19,7 @@ from comms.errors import LogError
 from comms.records import CompressedImage
 
 CHUNK_BYTES = 256 * 1024
+DATA_END_BYTES = 13  # the record that carries the checksum of all before it
 DAMAGE = (McapError, ValueError, EOFError, OverflowError, MemoryError, KeyError, struct.error, zstandard.ZstdError)
 SCHEMA_NAMES: dict[type, str] = {CompressedImage: "foxglove.CompressedImage"}
 
@@ -27,7 +30,7 @@ class LogWriter:
     def __init__(self, path: Path, start: dict[str, str]) -> None:
         self._stream: BinaryIO = path.open("wb")
         index = IndexType.ATTACHMENT | IndexType.CHUNK | IndexType.METADATA  # a message index costs more than our messages
-        self._writer = Writer(self._stream, CHUNK_BYTES, CompressionType.ZSTD, index)
+        self._writer = Writer(self._stream, CHUNK_BYTES, CompressionType.ZSTD, index, enable_data_crcs=True)
         self._writer.start(profile="swayless", library="swayless")
         self._channels: dict[str, int] = {}
         self._schemas: dict[type, int] = {}
@@ -107,29 +110,35 @@ def read_log(path: Path) -> Log:
     Raises LogError when the file is missing or is not a log at all.
     """
     try:
-        stream = path.open("rb")
+        data = path.read_bytes()
     except OSError as error:
         raise LogError(f"{path}: {error.strerror}; name a run folder or its run.mcap") from error
     log = Log(path, {}, {}, {}, False, "")
-    with stream:
-        damage = _read_records(stream, log)
+    damage = _read_records(data, log)
     if "run.start" not in log.metadata:
         raise LogError(f"{path}: an MCAP file without 'run.start': not a run of ours, or cut before it began")
     complete = not damage and "run.stop" in log.metadata
     return log._replace(complete=complete, damage=damage or ("" if complete else "ends before 'run.stop'"))
 
 
-def _read_records(stream: BinaryIO, log: Log) -> str:
+def _read_records(data: bytes, log: Log) -> str:
     topics: dict[int, list[Entry]] = {}
-    damage = ""
+    stream, damage = BytesIO(data), ""
+    records = StreamReader(stream, emit_chunks=True, record_size_limit=1 << 28).records
     try:
-        for record in StreamReader(stream, emit_chunks=True, record_size_limit=1 << 28).records:
+        for record in records:
             if isinstance(record, Chunk):
                 damage = _read_chunk(record, log, topics) or damage
             elif isinstance(record, Metadata):
                 log.metadata[record.name] = dict(record.metadata)
             elif isinstance(record, Attachment):
                 log.attachments[record.name] = record.data
+            elif isinstance(record, DataEnd):
+                damage = damage or _checksum_damage(record, memoryview(data)[: stream.tell() - DATA_END_BYTES])
+                break
+        for record in records:  # the summary names the channels again, should their chunk be damaged
+            if damage and isinstance(record, Channel):
+                _name(record, log, topics)
     except InvalidMagic as error:
         if not log.metadata:
             raise LogError(f"{log.path}: not an MCAP file (wrong first bytes); name a run folder or its run.mcap") from error
@@ -139,6 +148,11 @@ def _read_records(stream: BinaryIO, log: Log) -> str:
     return damage
 
 
+def _checksum_damage(end: DataEnd, data: memoryview) -> str:
+    good = end.data_section_crc in (0, zlib.crc32(data))  # 0: its writer kept none
+    return "" if good else "bytes are not those that were written (checksum of the data)"
+
+
 def _read_chunk(chunk: Chunk, log: Log, topics: dict[int, list[Entry]]) -> str:
     try:
         records = breakup_chunk(chunk, validate_crc=True)
@@ -146,8 +160,11 @@ def _read_chunk(chunk: Chunk, log: Log, topics: dict[int, list[Entry]]) -> str:
         return f"a damaged chunk was left out ({type(error).__name__})"
     for record in records:
         if isinstance(record, Message):
-            if record.channel_id in topics:
-                topics[record.channel_id].append(Entry(record.log_time, record.publish_time, record.data))
+            topics.setdefault(record.channel_id, []).append(Entry(record.log_time, record.publish_time, record.data))
         elif isinstance(record, Channel):
-            topics[record.id] = log.topics.setdefault(record.topic, [])
+            _name(record, log, topics)
     return ""
+
+
+def _name(channel: Channel, log: Log, topics: dict[int, list[Entry]]) -> None:
+    topics[channel.id] = log.topics.setdefault(channel.topic, topics.get(channel.id, []))

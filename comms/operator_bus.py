@@ -12,6 +12,7 @@ from typing import NamedTuple
 import msgspec
 import zmq
 
+from comms.channels import CHANNELS
 from comms.errors import PortInUse
 from comms.messages import Command, Reply
 from comms.records import Event, LinkRow, Receipts, Timing
@@ -112,9 +113,13 @@ class OperatorBus:
         self._taps, self._pictures = context.socket(zmq.PULL), context.socket(zmq.PULL)
         self._taps.setsockopt(zmq.RCVHWM, TAP_HIGH_WATER)
         self._pictures.setsockopt(zmq.RCVHWM, PICTURE_HIGH_WATER)
-        self.commands = _bind(self._commands, host, port)
-        self.taps = _bind(self._taps, host, port and port + 1)
-        self.pictures = _bind(self._pictures, host, port and port + 2)
+        try:
+            self.commands = _bind(self._commands, host, port)
+            self.taps = _bind(self._taps, host, port and port + 1)
+            self.pictures = _bind(self._pictures, host, port and port + 2)
+        except PortInUse:
+            self.close()
+            raise
 
     def send(self, command: Command) -> None:
         """To a task that has spoken before; to others it goes nowhere."""
@@ -164,7 +169,7 @@ def _understand(parts: list[bytes]) -> Hello | Reply | Record | str | None:
             return msgspec.json.decode(parts[1], type=Reply)
         if len(parts) == 2 and parts[0].decode() in _RECORDS:
             return Record(msgspec.json.decode(parts[1], type=_RECORDS[parts[0].decode()]))
-    except (msgspec.MsgspecError, UnicodeDecodeError):
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
         return None
     return None
 
@@ -172,17 +177,18 @@ def _understand(parts: list[bytes]) -> Hello | Reply | Record | str | None:
 def _drain_taps(socket: zmq.Socket[bytes]) -> Iterator[tuple[bytes, Tapped]]:
     while True:
         try:
-            channel, data, *pixels = socket.recv_multipart(zmq.NOBLOCK)
+            parts = socket.recv_multipart(zmq.NOBLOCK)
         except zmq.Again:
             return
-        yield b"", Tapped(channel.decode(), data, pixels[0] if pixels else None)
+        channel = parts[0].decode("ascii", "replace")
+        if channel in CHANNELS and len(parts) in (2, 3):
+            yield b"", Tapped(channel, parts[1], parts[2] if len(parts) == 3 else None)
 
 
 def _bind(socket: zmq.Socket[bytes], host: str, port: int) -> str:
     try:
         socket.bind(f"tcp://{host}:{port or '*'}")
     except zmq.ZMQError as error:
-        socket.close(0)
         raise PortInUse(
             f"TCP port {port} on {host} for the operator's bus: {error}; "
             "stop what uses it, or set network.base_port to another range (0 = free ports)"

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
 from pathlib import Path
-from typing import Annotated
 
 import msgspec
-from msgspec import Meta
 
 from rig import config
 from rig.errors import ConfigError
+from vision.errors import VisionError
+from vision.offset_table import OffsetTable
 
 
 class Calibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -21,8 +22,8 @@ class Calibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     seed: int
     width: int
     height: int
-    pivot_home_px: tuple[float, float]
-    pixels_per_m: Annotated[float, Meta(gt=0)]
+    pivot_home_px: tuple[config.Pixel, config.Pixel]
+    pixels_per_m: config.Positive
     x_m: list[float]
     offset_rad: list[float]
     sigma_offset_rad: list[float]
@@ -31,7 +32,7 @@ class Calibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 def find(experiment: config.Experiment) -> tuple[str, Calibration | None]:
     """Its name and the calibration an experiment asks for; None when it asks for none.
 
-    Raises ConfigError for a missing or broken file, or one made for another picture size.
+    Raises ConfigError for a missing or broken file, a table that is none, or one made for another picture size.
     """
     name = experiment.vision.calibration
     if name == "none" or experiment.camera.rate_hz == 0:
@@ -52,6 +53,10 @@ def find(experiment: config.Experiment) -> tuple[str, Calibration | None]:
     size, expected = (calibration.width, calibration.height), (experiment.camera.width, experiment.camera.height)
     if size != expected:
         raise ConfigError(f"calibration '{name}' is for pictures of {size}; [camera] says {expected}: calibrate again")
+    try:
+        OffsetTable(calibration.x_m, calibration.offset_rad)
+    except VisionError as error:
+        raise ConfigError(f"calibration '{name}': {error}") from None
     return name, calibration
 
 
@@ -65,14 +70,14 @@ def save(calibration: Calibration, path: Path) -> None:
 
 def _toml(value: object) -> str:
     if isinstance(value, str):
-        return f'"{value}"'
+        return json.dumps(value, ensure_ascii=False)  # a JSON string is a TOML string
     if isinstance(value, list | tuple):
         return "[" + ", ".join(_toml(v) for v in value) + "]"
-    return repr(value)
+    return str(value)
 
 
 def _read(path: Path) -> dict[str, object]:
     try:
-        return tomllib.loads(path.read_text(errors="replace"))
+        return tomllib.loads(config.read_text(path, "calibration"))
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"calibration '{path}' is not valid TOML: {error}; make it again") from None

@@ -22,6 +22,7 @@ from rig.errors import ConfigError
 Positive = Annotated[float, Meta(gt=0, le=1e6)]
 NotNegative = Annotated[float, Meta(ge=0, le=1e6)]
 Place = Annotated[float, Meta(ge=-10, le=10)]
+Pixel = Annotated[float, Meta(ge=-1e5, le=1e5)]
 Name = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_\-]{1,60}$")]
 T = TypeVar("T")
 
@@ -99,7 +100,7 @@ class VisionSection(Section, frozen=True, kw_only=True):
     calibration: str = "shipped"
     average_frames: Annotated[int, Meta(ge=1, le=50)] = 3
     processing_ms: Annotated[float, Meta(ge=0, le=1000)] = 2.0
-    rough_pivot_px: tuple[float, float] = (321.0, -38.0)  # by eye, before any calibration
+    rough_pivot_px: tuple[Pixel, Pixel] = (321.0, -38.0)  # by eye, before any calibration
     rough_pixels_per_m: Positive = 1005.0
 
 
@@ -170,10 +171,7 @@ def load(name_or_path: str, overrides: list[str]) -> Experiment:
     tables = _read(name_or_path)
     for text in overrides:
         _override(tables, text)
-    for name in tables.get("links", {}):
-        if name not in DATA:
-            raise ConfigError(f"[links.{name}]: no such link{nearest(name, DATA)}; links: {', '.join(DATA)}")
-        convert(tables["links"][name], LinkFaults, f"links.{name}")
+    _check_links(tables.get("links"))
     return convert(tables, Experiment)
 
 
@@ -191,6 +189,22 @@ def nearest(word: str, known: Any) -> str:
     return f", did you mean '{close[0]}'?" if close else ""
 
 
+def _check_links(links: Any) -> None:
+    """What the types cannot say: a link is a channel. A `links` that is no table is left to them."""
+    for name, faults in links.items() if isinstance(links, dict) else ():
+        if name not in DATA:
+            raise ConfigError(f"[links.{name}]: no such link{nearest(name, DATA)}; links: {', '.join(DATA)}")
+        convert(faults, LinkFaults, f"links.{name}")
+
+
+def read_text(path: Path, what: str) -> str:
+    """A file's text; raises ConfigError when it cannot be read."""
+    try:
+        return path.read_text(errors="replace")
+    except OSError as error:
+        raise ConfigError(f"{what} '{path}' cannot be read: {error.strerror}; check the file and its permissions") from None
+
+
 def _folder(name: str) -> Any:
     return resources.files("rig") / name
 
@@ -200,7 +214,7 @@ def _read(name_or_path: str) -> dict[str, Any]:
     if name_or_path in shipped():
         text = str((_folder("experiments") / f"{name_or_path}.toml").read_text())
     elif path.is_file():
-        text = path.read_text(errors="replace")
+        text = read_text(path, "experiment")
     else:
         raise ConfigError(
             f"experiment '{name_or_path}': no such file and not a shipped experiment{nearest(name_or_path, shipped())}; "
@@ -242,7 +256,7 @@ def _explain(message: str, data: Any, kind: type, section: str) -> str:
     if unknown:
         known = [f.name for f in msgspec.structs.fields(_struct_at(kind, keys, section))]
         return (
-            f"[{'.'.join(keys)}] {unknown[1]}: unknown key{nearest(unknown[1], known)} known here: {', '.join(known)}"
+            f"[{'.'.join(keys)}] {unknown[1]}: unknown key{nearest(unknown[1], known)}; known here: {', '.join(known)}"
         ).replace("[] ", "")
     if missing:
         return f"[{'.'.join(keys)}] {missing[1]}: missing; add it".replace("[] ", "section ")
@@ -251,7 +265,8 @@ def _explain(message: str, data: Any, kind: type, section: str) -> str:
     if "enum" in what:
         allowed = get_args(get_type_hints(_struct_at(kind, keys[:-1], section))[keys[-1]])
         what = f"must be one of {', '.join(map(repr, allowed))}{nearest(str(value), allowed)}"
-    return f"[{'.'.join(keys[:-1])}] {keys[-1] if keys else ''} = {value!r}: {what[0].lower()}{what[1:]}; change it to fit"
+    where = f"[{'.'.join(keys[:-1])}] {keys[-1]}" if keys else "the file"
+    return f"{where} = {value!r}: {what[0].lower()}{what[1:]}; change it to fit".removeprefix("[] ")
 
 
 def _struct_at(kind: type, keys: list[str], section: str) -> type:

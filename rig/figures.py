@@ -148,4 +148,4 @@ def _finish(axes: Axes, ylabel: str, xlabel: str) -> None:
     axes.set_xlabel(xlabel)
     axes.grid(alpha=0.25, lw=0.5)
     if axes.get_legend_handles_labels()[0]:
-        axes.legend(loc="upper right", fontsize=8, ncols=5, framealpha=0.85)
+        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), fontsize=8, ncols=6, frameon=False, borderaxespad=0.2)

@@ -25,6 +25,7 @@ from vision.task import VisionSettings
 
 MARGIN = 1.1  # of the plan's limits, where [safety] names no own
 MS = 1_000_000  # ns
+DEFAULT_RATE_HZ = 50.0  # what an idle vision task is told in a run without a camera
 
 
 class PlanRecord(msgspec.Struct, frozen=True, kw_only=True):
@@ -59,7 +60,7 @@ class Job(msgspec.Struct, frozen=True, kw_only=True):
             "experiment.json": encode(self.experiment),
             "plan.json": encode(self.plan),
             "bench.json": encode(self.settings["bench"]),
-            "vision.json": encode(self.settings.get("vision")),
+            "vision.json": encode(self.settings["vision"]),
         }
 
 
@@ -100,10 +101,9 @@ def prepare(experiment: Experiment, plan: Plan | None, motion: Motion | None = N
     settings: dict[str, Any] = {
         "bench": bench.params(experiment),
         "controller": ControllerSettings(reference_stale_ns=round(experiment.safety.reference_stale_ms * MS)),
+        "vision": _vision(experiment, calibration),
+        "streamer": _streamer(experiment, record, envelope),
     }
-    if experiment.camera.rate_hz > 0:
-        settings["vision"] = _vision(experiment, calibration)
-    settings["streamer"] = _streamer(experiment, record, envelope)
     return Job(experiment=experiment, plan=record, calibration=name, settings=settings)
 
 
@@ -158,7 +158,7 @@ def _vision(experiment: Experiment, calibration: calibration_file.Calibration | 
     return VisionSettings(
         width=experiment.camera.width,
         height=experiment.camera.height,
-        period_ns=round(1e9 / experiment.camera.rate_hz),
+        period_ns=round(1e9 / (experiment.camera.rate_hz or DEFAULT_RATE_HZ)),
         average_frames=v.average_frames,
         processing_ns=round(v.processing_ms * MS),
         pivot_home_px=calibration.pivot_home_px if calibration else v.rough_pivot_px,

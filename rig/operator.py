@@ -71,7 +71,7 @@ class Operator:
         if not message.ok:
             self._last_word[message.sender] = message.text
             if self.stage in (Stage.ARMING, Stage.STARTING):
-                return self.end(f"{message.sender}: {message.text}", FAULT, t_ns)
+                return self.end(f"{message.sender}: {message.text}", message.exit or FAULT, t_ns)
             return NOTHING
         self._waiting.discard(message.sender)
         return NOTHING if self._waiting else self._advance(t_ns)
@@ -94,8 +94,12 @@ class Operator:
         return NOTHING
 
     def end(self, reason: str, exit_code: int, t_ns: int) -> Step:
-        """Stop the robot, then close: for an operator's stop, a dead task, a refusal, a fault."""
-        if self.stage in (Stage.STOPPING, Stage.CLOSED):
+        """Stop the robot, then close: for an operator's stop, a dead task, a refusal, a fault.
+
+        While it stops already, only a first fault counts: it becomes the exit code, and the emergency stop goes out.
+        """
+        worse = exit_code == FAULT != self.exit_code
+        if self.stage is Stage.CLOSED or (self.stage is Stage.STOPPING and not worse):
             return NOTHING
         self.exit_code = exit_code
         self.reasons.append(reason)
@@ -103,19 +107,21 @@ class Operator:
         verb = Verb.ESTOP if exit_code == FAULT else Verb.STOP
         step = self._enter(Stage.STOPPING, t_ns)
         self._waiting = {name for name in MOVERS if name in self._tasks}
+        if not self._waiting:
+            return self._close(t_ns)
         return Step(self._order(verb, [n for n in self._tasks if n in MOVERS], t_ns), step.wake_ns)
 
     def stop_now(self, reason: str, exit_code: int, t_ns: int) -> Step:
         """Stop without waiting for anybody's word; the stop order still goes out first."""
-        stopping = self.end(reason, exit_code, t_ns)
-        closing = self._close(t_ns)
-        return Step((*stopping.sends, *closing.sends), closing.wake_ns, closing.exit)
+        stopping, closing = self.end(reason, exit_code, t_ns), self._close(t_ns)
+        return Step((*stopping.sends, *closing.sends), exit=self.exit_code)
 
     def lost(self, task: str, reason: str, t_ns: int) -> Step:
         """A task is gone: nobody waits for it any more."""
         self._tasks = tuple(name for name in self._tasks if name != task)
         self._waiting.discard(task)
-        return self.end(reason, FAULT, t_ns)
+        step = self.end(reason, FAULT, t_ns)
+        return self._close(t_ns) if self.stage is Stage.STOPPING and not self._waiting else step
 
     def _advance(self, t_ns: int) -> Step:
         if self.stage is Stage.CONNECTING:
@@ -137,6 +143,8 @@ class Operator:
         return Step(wake_ns=self._deadline_ns)
 
     def _close(self, t_ns: int) -> Step:
+        if self.stage is Stage.CLOSED:
+            return NOTHING
         self.stage = Stage.CLOSED
         return Step(self._order(Verb.CLOSE, self._tasks, t_ns), exit=self.exit_code)
 
@@ -151,14 +159,15 @@ class Operator:
         return self.end(text, FAULT, t_ns)
 
     def _hear(self, reply: Reply, t_ns: int) -> Step:
-        if reply.text:
-            self._note("info" if reply.ok else "error", f"{reply.sender}: {reply.text}", t_ns)
-        if reply.exit is None:
-            return NOTHING
-        return self.end(f"{reply.sender}: {reply.text}", reply.exit, t_ns)
+        text = f"{reply.sender}: {reply.text}"
+        step = NOTHING if reply.exit is None else self.end(text, reply.exit, t_ns)
+        if step is NOTHING and reply.text:
+            self._note("info" if reply.ok else "error", text, t_ns)
+        return step
 
     def _order(self, verb: Verb, to: Sequence[str], t_ns: int, t_start_ns: int = 0) -> list[Send]:
-        self._call = self._seq + 1  # all tasks of one order share an id
+        if verb is not Verb.STATUS or self._call == 0:  # asked again it keeps its id: a slow answer is an answer
+            self._call = self._seq + 1  # all tasks of one order share an id
         sends = []
         for name in to:
             self._seq += 1

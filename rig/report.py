@@ -10,7 +10,7 @@ from typing import Any
 
 from rig import figures
 from rig.analysis.analyze import Analysis
-from rig.analysis.summary import Quantities, Summary
+from rig.analysis.summary import QUANTITIES, Quantities, Summary
 from rig.runs import REPORT
 
 STYLE = """
@@ -23,7 +23,6 @@ td:first-child, th:first-child { text-align: left } .note { opacity: .75 }
 figure { margin: 0; background: #fff; border-radius: 6px; padding: 6px } img, svg { width: 100%; height: auto }
 .good { color: #1a7f37 } .doubtful { color: #b07800 } .bad { color: #c62828 }
 """
-UNKNOWN = "not identifiable in this run"
 
 
 def write(folder: Path, analysis: Analysis, twin: Analysis | None = None) -> Path:
@@ -62,25 +61,11 @@ def _head(s: Summary) -> str:
 def _quantities(s: Summary, twin: Summary | None) -> str:
     heads = ["", "planned", "measured", "true", *(["true, without losses"] if twin else [])]
     rows = []
-    for key, name, factor, digits in (
-        ("peak_swing_rad", "peak swing [mrad]", 1e3, 2),
-        ("residual_swing_rad", "residual swing [mrad]", 1e3, 3),
-        ("natural_frequency_hz", "natural frequency [Hz]", 1.0, 5),
-        ("damping_ratio", "damping ratio", 1.0, 6),
-        ("cable_length_m", "cable length [m]", 1.0, 4),
-    ):
-        measured, sigma = getattr(s.measured, key), getattr(s.sigma, key)
-        said = UNKNOWN if measured is None else f"{measured * factor:.{digits}f} &plusmn; {(sigma or 0) * factor:.{digits}f}"
-        cells = [name, _cell(getattr(s.planned, key, None), factor, digits), said]
-        cells.append(_cell(getattr(s.truth or Quantities(), key), factor, digits))
-        if twin:
-            cells.append(_cell(getattr(twin.truth or Quantities(), key), factor, digits))
-        rows.append(cells)
+    for row in QUANTITIES:
+        measured = row.with_sigma(getattr(s.measured, row.key), getattr(s.sigma, row.key))
+        true = [row.plain(getattr(run.truth or Quantities(), row.key)) for run in ((s, twin) if twin else (s,))]
+        rows.append([row.title, row.plain(getattr(s.planned, row.key, None)), measured, *true])
     return _table(heads, rows)
-
-
-def _cell(value: float | None, factor: float, digits: int) -> str:
-    return "" if value is None else f"{value * factor:.{digits}f}"
 
 
 def _picture(analysis: Analysis) -> str:

@@ -57,6 +57,7 @@ def _fit(run: RunLog) -> tuple[DecayFit | None, str]:
 def _summary(run: RunLog, fit: DecayFit | None, fit_failure: str) -> Summary:
     start, stop = run.log.metadata["run.start"], run.log.metadata.get("run.stop", {})
     measured, sigma = _measured(run, fit)
+    looked = [a for a in run.angles if a.t_valid_ns * 1e-9 >= (run.t_start_s or 0.0)]
     summary = Summary(
         run_id=start["run_id"],
         run_dir=str(run.folder),
@@ -79,9 +80,9 @@ def _summary(run: RunLog, fit: DecayFit | None, fit_failure: str) -> Summary:
         initial_swing_rad=_initial_swing(run),
         swing_error=_swing_error(run),
         lateness=_lateness(run),
-        frames=len(run.angles),
-        angles_valid=sum(a.valid for a in run.angles),
-        refusals=dict(Counter(a.reason.value for a in run.angles if not a.valid)),
+        frames=len(looked),
+        angles_valid=sum(a.valid for a in looked),
+        refusals=dict(Counter(a.reason.value for a in looked if not a.valid)),
         swing_fit_rms_rad=fit.residual_rms_rad if fit else None,
         complete=run.log.complete,
         loop_s=_number(stop.get("loop_s")),

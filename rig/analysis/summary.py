@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from typing import NamedTuple
+
 import msgspec
 
 
@@ -13,6 +16,37 @@ class Quantities(msgspec.Struct, kw_only=True):
     natural_frequency_hz: float | None = None
     damping_ratio: float | None = None
     cable_length_m: float | None = None
+
+
+class Quantity(NamedTuple):
+    """How one of the numbers is shown to people."""
+
+    key: str
+    title: str
+    factor: float
+    digits: int
+
+    def plain(self, value: float | None) -> str:
+        """The number alone; empty when there is none."""
+        return "" if value is None else f"{value * self.factor:.{self.digits}f}"
+
+    def with_sigma(self, value: float | None, sigma: float | None) -> str:
+        """The number with two digits of its uncertainty."""
+        if value is None:
+            return "not identifiable in this run"
+        if sigma is None or not 0 < sigma < math.inf:
+            return self.plain(value)
+        digits = max(0, 1 - math.floor(math.log10(sigma * self.factor)))
+        return f"{value * self.factor:.{digits}f} ± {sigma * self.factor:.{digits}f}"
+
+
+QUANTITIES = (
+    Quantity("peak_swing_rad", "peak swing, mrad", 1e3, 2),
+    Quantity("residual_swing_rad", "residual swing, mrad", 1e3, 3),
+    Quantity("natural_frequency_hz", "natural frequency, Hz", 1.0, 5),
+    Quantity("damping_ratio", "damping ratio", 1.0, 6),
+    Quantity("cable_length_m", "cable length, m", 1.0, 4),
+)
 
 
 class Planned(msgspec.Struct, kw_only=True):

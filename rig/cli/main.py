@@ -67,3 +67,7 @@ def _fail(message: str, code: int) -> int:
         print_json({"exit_status": status, "exit_code": code, "verdict": "bad", "reasons": [message]})
     print(f"rig: {message}", file=sys.stderr)
     return code
+
+
+if __name__ == "__main__":
+    main()

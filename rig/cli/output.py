@@ -10,19 +10,11 @@ import msgspec
 from rich.console import Console
 from rich.table import Table
 
-from rig.analysis.summary import LinkSummary, Quantities, Summary
+from rig.analysis.summary import QUANTITIES, LinkSummary, Quantities, Summary
 
 out = Console(highlight=False)
 err = Console(stderr=True, highlight=False)
 
-ROWS = (  # key, name, factor to show, unit, digits
-    ("peak_swing_rad", "peak swing", 1e3, "mrad", 2),
-    ("residual_swing_rad", "residual swing", 1e3, "mrad", 3),
-    ("natural_frequency_hz", "natural frequency", 1.0, "Hz", 5),
-    ("damping_ratio", "damping ratio", 1.0, "", 6),
-    ("cable_length_m", "cable length", 1.0, "m", 4),
-)
-UNKNOWN = "not identifiable in this run"
 COLOUR = {"good": "green", "doubtful": "yellow", "bad": "red"}
 
 
@@ -58,24 +50,11 @@ def _quantities(s: Summary) -> Table:
     table = Table(title=f"{s.experiment}: {s.planner}, {s.move_m:g} m in {s.move_time_s:g} s", title_justify="left")
     for name in ("", "planned", "measured", "true"):
         table.add_column(name, justify="left" if not name else "right")
-    for key, name, factor, unit, digits in ROWS:
-        planned = getattr(s.planned, key, None)
-        measured, sigma = getattr(s.measured, key), getattr(s.sigma, key)
-        true = getattr(s.truth or Quantities(), key)
-        table.add_row(
-            f"{name}, {unit}" if unit else name,
-            "" if planned is None else f"{planned * factor:.{digits}f}",
-            UNKNOWN if measured is None else _with_sigma(measured * factor, sigma, factor, digits),
-            "" if true is None else f"{true * factor:.{digits}f}",
-        )
+    for row in QUANTITIES:
+        planned, true = getattr(s.planned, row.key, None), getattr(s.truth or Quantities(), row.key)
+        measured = row.with_sigma(getattr(s.measured, row.key), getattr(s.sigma, row.key))
+        table.add_row(row.title, row.plain(planned), measured, row.plain(true))
     return table
-
-
-def _with_sigma(value: float, sigma: float | None, factor: float, digits: int) -> str:
-    if sigma is None or not 0 < sigma < math.inf:
-        return f"{value:.{digits}f}"
-    digits = max(0, 1 - math.floor(math.log10(sigma * factor)))  # two digits of the uncertainty
-    return f"{value:.{digits}f} ± {sigma * factor:.{digits}f}"
 
 
 def _delays(s: Summary) -> str:

@@ -81,7 +81,7 @@ def execute(job: Job, mode: Mode, folder: Path, progress: Progress) -> Outcome:
 def _virtual(job: Job, operator: Operator, recorder: Recorder, progress: Progress, interrupts: Interrupts) -> VirtualRunner:
     e = job.experiment
     return VirtualRunner(
-        tasks=[_task(name, settings) for name, settings in job.settings.items()],
+        tasks=[make_task(name, settings) for name, settings in job.settings.items()],
         operator=operator,
         faults=e.links,
         seed=e.experiment.seed,
@@ -92,7 +92,8 @@ def _virtual(job: Job, operator: Operator, recorder: Recorder, progress: Progres
     )
 
 
-def _task(name: str, settings: Any) -> Task:
+def make_task(name: str, settings: Any) -> Task:
+    """The task of that name in this process."""
     if name == "bench":
         return bench.task(settings)
     if name == "vision":

@@ -1,0 +1,154 @@
+"""How fast the virtual loop and the tracker are, and where the time goes: `make bench`.
+
+Medians over repeats. The first line is the speed of the interpreter itself, for machines differ and share their cores.
+"""
+
+from __future__ import annotations
+
+import statistics
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from comms.clock import stopwatch_s
+from comms.messages import Frame, Truth
+from comms.task import Step, Task
+from rig import config
+from rig.job import Job, plan_move, prepare
+from rig.operator import Operator
+from rig.recorder import Recorder
+from rig.runtime import bench
+from rig.runtime.execute import make_task
+from rig.runtime.interrupts import Interrupts
+from rig.runtime.virtual import VirtualRunner
+from vision.tracker import Tracker
+
+REPEATS = 7
+FRAMES = 400
+
+
+class Timed:
+    """A task whose calls are timed."""
+
+    def __init__(self, task: Task) -> None:
+        self._task, self.name, self.spent_s = task, task.name, 0.0
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._task, name)
+
+    def start(self, t_ns: int) -> Step:
+        return self._time(self._task.start, t_ns)
+
+    def on_message(self, channel: str, message: Any, t_ns: int) -> Step:
+        return self._time(self._task.on_message, channel, message, t_ns)
+
+    def on_tick(self, t_ns: int) -> Step:
+        return self._time(self._task.on_tick, t_ns)
+
+    def stop(self, t_ns: int) -> Step:
+        return self._time(self._task.stop, t_ns)
+
+    def _time(self, call: Callable[..., Step], *arguments: Any) -> Step:
+        began = stopwatch_s()
+        step = call(*arguments)
+        self.spent_s += stopwatch_s() - began
+        return step
+
+
+class TimedRecorder(Recorder):
+    """A recorder whose messages are timed."""
+
+    spent_s = 0.0
+
+    def message(self, *arguments: Any) -> None:
+        began = stopwatch_s()
+        super().message(*arguments)
+        self.spent_s += stopwatch_s() - began
+
+    def picture(self, *arguments: Any) -> None:
+        began = stopwatch_s()
+        super().picture(*arguments)
+        self.spent_s += stopwatch_s() - began
+
+
+def interpreter_us() -> float:
+    """Median time of a fixed piece of pure Python."""
+    return 1e6 * statistics.median(_timed(lambda: sum(range(1000))) for _ in range(500))
+
+
+def loop(job: Job, timed: bool) -> tuple[float, dict[str, float]]:
+    """Seconds of one virtual loop, and who spent them when asked for."""
+    operator = Operator(list(job.settings), round(job.plan.duration_s * 1e9))
+    tasks = [make_task(name, settings) for name, settings in job.settings.items()]
+    watched = [Timed(task) for task in tasks] if timed else []
+    e = job.experiment
+    with tempfile.TemporaryDirectory() as folder:
+        recorder = (TimedRecorder if timed else Recorder)(Path(folder) / "run.mcap", {}, job.attachments())
+        runner = VirtualRunner(
+            tasks=watched or tasks,
+            operator=operator,
+            faults=e.links,
+            seed=e.experiment.seed,
+            recorder=recorder,
+            pictures_hz=e.record.pictures_hz,
+            interrupts=Interrupts(),
+            progress=lambda _: None,
+        )
+        seconds = _timed(runner.run)
+        recorder.close({}, {}, 0)
+    spent = {task.name: task.spent_s for task in watched}
+    return seconds, spent | ({"log": recorder.spent_s} if isinstance(recorder, TimedRecorder) else {})
+
+
+def tracker() -> tuple[float, float]:
+    """Median seconds a frame, following and cold, on frames of a load swinging by 20 degrees."""
+    chosen = config.load("free_decay", ["bench.pendulum.initial_swing_rad=0.349", "bench.camera.pitch_deg=0"])
+    world = bench.task(prepare(chosen, None).settings["bench"])
+    sends = list(world.start(0).sends)
+    for t in range(5, FRAMES * 20, 5):
+        sends += world.on_tick(t * 1_000_000).sends
+    frames = [s.message.pixels for s in sends if isinstance(s.message, Frame)]
+    truths = [s.message.angle_rad for s in sends if isinstance(s.message, Truth)]
+    assert len(frames) > FRAMES * 0.9
+    assert max(np.abs(truths)) > 0.34
+    height, width = frames[0].shape
+    eye, pivot = Tracker(width, height), bench.pivot_px(chosen)
+    following = [_timed(lambda f=f: eye.measure(f, pivot)) for f in frames]
+
+    def cold(frame: Any) -> None:
+        eye.forget()
+        eye.measure(frame, pivot)
+
+    return statistics.median(following), statistics.median(_timed(lambda f=f: cold(f)) for f in frames)
+
+
+def _timed(call: Callable[[], Any]) -> float:
+    began = stopwatch_s()
+    call()
+    return stopwatch_s() - began
+
+
+def main() -> None:
+    """Print all of it."""
+    print(f"interpreter: sum(range(1000)) in {interpreter_us():.1f} us")
+    for name, changes in (("with camera and log", []), ("without camera, with log", ["camera.rate_hz=0"])):
+        chosen = config.load("move", changes)
+        job = prepare(chosen, plan_move(chosen))
+        seconds = statistics.median(loop(job, timed=False)[0] for _ in range(REPEATS))
+        whole, spent = loop(job, timed=True)
+        rest = whole - sum(spent.values())
+        shares = ", ".join(f"{who} {part / whole:.0%}" for who, part in sorted(spent.items(), key=lambda item: -item[1]))
+        speed = job.plan.duration_s / seconds
+        print(f"virtual loop {name}: {seconds * 1e3:.0f} ms for {job.plan.duration_s:g} s of rig: {speed:.0f}x real time")
+        print(f"    where it goes: {shares}, scheduler, codec and digest {rest / whole:.0%}")
+    following, cold = tracker()
+    print(f"tracker, every row: following {following * 1e6:.0f} us ({1 / following:.0f}/s), cold {cold * 1e6:.0f} us ({1 / cold:.0f}/s)")
+    print(f"interpreter: sum(range(1000)) in {interpreter_us():.1f} us")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

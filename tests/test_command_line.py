@@ -1,0 +1,243 @@
+"""`rig` as its users meet it: what it prints, what it refuses, and with which exit code. No mistake gives a stack trace."""
+
+import csv
+import sys
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from rig.cli import main as command_line
+from rig.runs import LOG
+
+BRIEF = ["--set", "experiment.quiet_s=0.6", "--set", "experiment.watch_s=2.5"]
+JSON_KEYS = {
+    "run_id", "run_dir", "mode", "exit_status", "verdict", "reasons", "planner", "move_m", "move_time_s", "measured", "sigma",
+    "truth", "planned", "latency_ms", "links", "digest",
+}  # fmt: skip
+QUANTITIES = {"peak_swing_rad", "residual_swing_rad", "natural_frequency_hz", "damping_ratio", "cable_length_m"}
+
+
+@pytest.fixture
+def rig(monkeypatch, capsys, tmp_path):
+    """Call `rig ...` in an empty folder; gives exit code, stdout, stderr."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "160")
+
+    def call(*words):
+        monkeypatch.setattr(sys, "argv", ["rig", *map(str, words)])
+        with pytest.raises(SystemExit) as left:
+            command_line.main()
+        said = capsys.readouterr()
+        assert "Traceback" not in said.err
+        return left.value.code or 0, said.out, said.err
+
+    return call
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """A short run in virtual time, made once."""
+    from rig import config, experiment
+
+    changes = [word for word in BRIEF if word != "--set"]
+    chosen = config.load("move", changes)
+    return experiment.run(chosen, "virtual", tmp_path_factory.mktemp("runs"), lambda *_: None, lambda *_: None).folder
+
+
+def table(name):
+    """Rows of a CSV file in the present folder."""
+    with Path(name).open() as file:
+        return list(csv.DictReader(file))
+
+
+def test_every_verb_explains_itself(rig):
+    verbs = ("doctor", "plan", "run", "stop", "sim", "track", "calibrate", "analyze")
+    code, said, _ = rig("--help")
+    assert code == 0
+    assert all(verb in said for verb in verbs)
+    for verb in verbs:
+        code, said, _ = rig(verb, "--help")
+        assert code == 0, verb
+        assert "Usage" in said
+
+
+def test_a_run_prints_one_json_document_with_the_promised_keys_and_nothing_else(rig):
+    code, said, _ = rig("run", "move", "--virtual", "--json", *BRIEF)
+    document = msgspec.json.decode(said)
+    assert (code, document["exit_status"], document["verdict"]) == (0, "ok", "good")
+    assert set(document) >= JSON_KEYS
+    assert all(set(document[name]) >= QUANTITIES for name in ("measured", "sigma", "truth"))
+    assert set(document["planned"]) >= {"peak_swing_rad", "residual_swing_rad"}
+    assert set(document["latency_ms"]) >= {"command", "vision"}
+    for row in document["links"].values():
+        assert row["sent"] == row["delivered"] + row["lost"] + sum(row["rejected"].values())
+        assert set(row) >= {"sent", "delivered", "lost", "duplicated", "late", "rejected"}
+    assert {p.name for p in Path(document["run_dir"]).iterdir()} == {"run.mcap", "report.html"}
+
+
+def test_a_run_shows_its_plan_first_and_a_table_last(rig):
+    code, said, before = rig("run", "--virtual", "--no-report", *BRIEF)
+    assert code == 0
+    assert "promises" in before
+    assert "cable length" in said
+    assert "verdict: good" in said
+
+
+def test_two_planners_are_run_one_after_the_other_and_compared(rig):
+    code, said, _ = rig("run", "--virtual", "--no-report", "--json", "--planner", "matrix_exponential,zv", *BRIEF)
+    runs = msgspec.json.decode(said)["runs"]
+    assert code == 0
+    assert [run["planner"] for run in runs] == ["matrix_exponential", "zv"]
+
+
+def test_the_report_is_one_file_that_needs_nothing_else(rig):
+    _, said, _ = rig("run", "--virtual", "--json", *BRIEF)
+    page = (Path(msgspec.json.decode(said)["run_dir"]) / "report.html").read_text()
+    assert page.count("<svg") == 3
+    assert "data:image/png;base64" in page
+    assert "<script" not in page
+    assert "src='http" not in page
+    assert "<link" not in page
+
+
+def test_a_plan_in_json_has_the_keys_that_scripts_rely_on(rig):
+    code, said, _ = rig("plan", "--planner", "zv", "--distance", "0.2", "--time", "1.5", "--length", "1", "--json")
+    document = msgspec.json.decode(said)
+    assert (code, document["planner"], document["status"]) == (0, "zv", "ok")
+    assert {"model", "robust", "distance_m", "time_s", "residual_swing_nonlinear_rad", "travel_m", "compute_s"} <= set(document)
+
+
+def test_a_plan_is_written_as_csv_every_ten_milliseconds(rig, tmp_path):
+    rig("plan", "--time", "1.5", "--csv", tmp_path / "plan.csv")
+    rows = table("plan.csv")
+    assert len(rows) == 151
+    assert float(rows[-1]["position_m"]) == pytest.approx(0.2)
+
+
+def test_a_synthetic_video_is_tracked_to_its_truth(rig):
+    code, said, _ = rig(
+        "sim", "--video", "v.avi", "--truth", "t.csv", "--seconds", "1", "--set", "bench.camera.pitch_deg=0", "--json"
+    )
+    told = msgspec.json.decode(said)
+    assert (code, told["frames"]) == (0, 50)
+    pivot = ",".join(map(str, told["pivot_px"]))
+    code, _, _ = rig("track", "v.avi", "--pivot", pivot, "--csv", "a.csv")
+    seen, true = table("a.csv"), table("t.csv")
+    assert code == 0
+    assert list(seen[0]) == ["frame", "t_s", "angle_rad", "sigma_rad", "valid", "reason"]
+    errors = [float(a["angle_rad"]) - float(b["angle_rad"]) for a, b in zip(seen, true, strict=True)]
+    assert max(map(abs, errors)) < 0.1e-3
+
+
+def test_equal_seeds_give_equal_videos(rig, tmp_path):
+    for name in ("a", "b"):
+        rig("sim", "--video", f"{name}.avi", "--truth", f"{name}.csv", "--seconds", "0.2", "--seed", "7")
+    assert (tmp_path / "a.avi").read_bytes() == (tmp_path / "b.avi").read_bytes()
+    assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
+
+
+def test_analyze_says_of_a_log_what_the_run_said(rig, recorded):
+    code, said, _ = rig("analyze", recorded, "--json", "--csv", "swing.csv")
+    assert code == 0
+    assert msgspec.json.decode(said)["run_id"] == recorded.name
+    assert len(table("swing.csv")) > 100
+
+
+def test_the_shipped_calibration_is_what_the_command_makes(rig):
+    from rig import calibration_file, config
+
+    code, said, _ = rig("calibrate", "offsets", "--virtual", "--json", "--out", "again.toml")
+    made = msgspec.json.decode(said)["calibration"]
+    _, shipped = calibration_file.find(config.load("move", []))
+    assert code == 0
+    assert made["offset_rad"] == pytest.approx(shipped.offset_rad, abs=5e-6)
+    assert made["pixels_per_m"] == pytest.approx(shipped.pixels_per_m, abs=0.05)
+    assert made["pivot_home_px"] == pytest.approx(shipped.pivot_home_px, abs=0.3)
+
+
+def test_the_doctor_finds_this_machine_and_this_program(rig):
+    code, said, _ = rig("doctor", "--json")
+    checks = {c["name"]: c for c in msgspec.json.decode(said)["checks"]}
+    assert code == 0
+    assert checks["package vision"]["status"] == "ok"
+    assert "late by" in checks["timer"]["found"]
+
+
+MISTAKES = {
+    "an experiment that is not there": (["run", "moove"], 2, "did you mean 'move'?"),
+    "a misspelt key": (["run", "--set", "move.distanse_m=0.1"], 2, "did you mean 'distance_m'?"),
+    "a misspelt section": (["run", "--set", "benhc.x=1"], 2, "did you mean 'bench'?"),
+    "a truth out of bounds": (["run", "--set", "bench.pendulum.length_m=-1"], 2, "[bench.pendulum] length_m = -1"),
+    "a misspelt truth": (["run", "--set", "bench.camera.pich_deg=1"], 2, "did you mean 'pitch_deg'?"),
+    "a planner that is not there": (["run", "--planner", "zvv"], 2, "zv"),
+    "a plan that leaves the workspace": (["run", "--set", "move.distance_m=0.4", "--set", "move.time_s=3"], 3, "-0.25 to 0.25 m"),
+    "a plan that leaves the limits": (["run", "--set", "move.time_s=0.8"], 3, "limit"),
+    "a shaper that has no time": (["plan", "--planner", "zv", "--time", "0.9"], 2, "1.00"),
+    "a plan without time": (["plan", "--time", "0"], 2, "must be > 0"),
+    "a run that is not there": (["analyze", "nothing"], 2, "no such run"),
+    "a video that is not there": (["track", "none.avi", "--pivot", "1,2"], 6, "no such file"),
+    "a pivot that is none": (["track", "none.avi", "--pivot", "left"], 2, "must be X,Y"),
+    "a calibration that is not there": (["run", "--set", "vision.calibration=x.toml"], 2, "no such file"),
+    "an option that is none": (["run", "--virtuel"], 2, "virtuel"),
+    "a stop of nothing": (["stop"], 2, "nothing is running"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_mistake_gets_a_message_and_its_exit_code(rig, mistake):
+    words, expected, hint = MISTAKES[mistake]
+    code, _, said = rig(*words)
+    assert code == expected, said
+    assert hint in said.replace("\n", " ")
+
+
+def test_a_mistake_in_json_mode_is_a_json_document_too(rig):
+    code, said, _ = rig("run", "--json", "--set", "move.time_s=0.8")
+    document = msgspec.json.decode(said)
+    assert (code, document["exit_code"], document["verdict"]) == (3, 3, "bad")
+
+
+def test_a_broken_experiment_file_is_named_with_its_line(rig, tmp_path):
+    (tmp_path / "mine.toml").write_text("[experiment\nname = 1\n")
+    code, _, said = rig("run", "mine.toml")
+    assert code == 2
+    assert "line 1" in said
+
+
+def test_a_log_that_is_none_is_told_from_one_that_was_cut_short(rig, recorded, tmp_path):
+    (tmp_path / "noise.mcap").write_bytes(b"not a log" * 100)
+    code, _, said = rig("analyze", "noise.mcap")
+    assert (code, "not an MCAP file" in said) == (6, True)
+    whole = (recorded / LOG).read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(whole[: len(whole) * 2 // 3])
+    code, said, _ = rig("analyze", "cut.mcap", "--json")
+    document = msgspec.json.decode(said)
+    assert (code, document["verdict"]) == (6, "bad")
+    assert "incomplete" in " ".join(document["reasons"])
+    assert document["frames"] > 50
+
+
+def test_a_load_that_already_swings_is_refused_with_its_amplitude_unless_allowed(rig):
+    swinging = ["run", "--virtual", "--no-report", "--json", *BRIEF, "--set", "bench.pendulum.initial_swing_rad=0.03"]
+    code, said, _ = rig(*swinging)
+    document = msgspec.json.decode(said)
+    assert (code, document["exit_status"]) == (3, "stopped")
+    assert "swings" in document["reasons"][0]
+    assert "safety.initial_swing_rad" in document["reasons"][0]
+    code, said, _ = rig(*swinging, "--set", "safety.initial_swing_rad=0.1")
+    assert (code, msgspec.json.decode(said)["exit_status"]) == (0, "ok")
+
+
+def test_a_video_without_a_cable_is_not_taken_for_one_with(rig):
+    rig("sim", "--video", "v.avi", "--truth", "t.csv", "--seconds", "0.2", "--set", "bench.camera.contrast=0")
+    code, said, _ = rig("track", "v.avi", "--pivot", "320,-40")
+    assert code == 6
+    assert "check --pivot" in said.replace("\n", " ")
+
+
+def test_a_camera_that_sees_nothing_stops_the_move_as_a_fault(rig):
+    code, said, _ = rig("run", "--virtual", "--no-report", "--json", *BRIEF, "--set", "bench.camera.contrast=0")
+    document = msgspec.json.decode(said)
+    assert (code, document["exit_status"]) == (5, "fault")
+    assert "no valid cable angle" in document["reasons"][0]

@@ -1,0 +1,302 @@
+"""The controller task: bumpless arming, the setpoint grid, and peers that fall silent."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from comms.messages import Command, JointState, Message, Phase, Position, Reference, Reply, RobotState, Setpoint, Verb
+from comms.task import NOTHING, Step
+from rig.controller.task import Controller, ControllerSettings, build
+
+MS = 1_000_000
+TICK_NS = 5 * MS
+T_START_NS = 600 * MS
+STALE_NS = 300 * MS
+PARKED = (0.05, 0.01, -0.02)
+
+
+def order(verb: Verb, t_ns: int = 0, id: int = 7) -> Command:
+    """What the operator asks."""
+    return Command(seq=0, t_ns=t_ns, id=id, to="controller", verb=verb, t_start_ns=T_START_NS)
+
+
+def joints(t_ns: int, position_m: Position = PARKED) -> JointState:
+    """What the encoders read."""
+    return JointState(seq=0, t_ns=t_ns, position_m=position_m, velocity_m_s=(0.1, 0.2, 0.3))
+
+
+def reference(x_m: float, t_target_ns: int) -> Reference:
+    """A place along X."""
+    return Reference(seq=0, t_ns=t_target_ns, t_target_ns=t_target_ns, position_m=(x_m, 0.01, -0.02))
+
+
+def tell(controller: Controller, message: Message, t_ns: int) -> Step:
+    """Hand a message over."""
+    return controller.on_message("-", message, t_ns)
+
+
+def replies(step: Step) -> list[Reply]:
+    """Answers and news of a step."""
+    return [send.message for send in step.sends if isinstance(send.message, Reply)]
+
+
+def setpoints(step: Step) -> list[Setpoint]:
+    """Setpoints of a step."""
+    return [send.message for send in step.sends if isinstance(send.message, Setpoint)]
+
+
+def after(*verbs: Verb) -> Controller:
+    """A controller that knows the robot and got these orders at 600 ms, t_start."""
+    controller = Controller(ControllerSettings(reference_stale_ns=STALE_NS))
+    controller.start(T_START_NS - TICK_NS)
+    tell(controller, joints(T_START_NS), T_START_NS)
+    for verb in verbs:
+        (reply,) = replies(tell(controller, order(verb), T_START_NS))
+        assert reply.ok, reply.text
+    return controller
+
+
+def run(
+    controller: Controller,
+    ticks: range,
+    refer: Callable[[int], float | None] = lambda k: None,
+    encoders: bool = True,
+) -> list[Step]:
+    """Ticks counted from t_start; before each the encoders speak, and refer(k) may give a reference."""
+    steps = []
+    for k in ticks:
+        t_ns = T_START_NS + k * TICK_NS
+        if encoders:
+            tell(controller, joints(t_ns), t_ns)
+        x_m = refer(k)
+        if x_m is not None:
+            tell(controller, reference(x_m, t_ns), t_ns)
+        steps.append(controller.on_tick(t_ns))
+    return steps
+
+
+def xs(steps: list[Step]) -> list[float]:
+    """X of all setpoints [m]."""
+    return [s.position_m[0] for step in steps for s in setpoints(step)]
+
+
+def news(steps: list[Step]) -> list[Reply]:
+    """All that was said."""
+    return [r for step in steps for r in replies(step)]
+
+
+@pytest.mark.parametrize("t_ns", [0, 1, TICK_NS - 1, TICK_NS, 123_456_789])
+def test_the_first_wake_is_the_next_instant_of_the_grid_of_the_run_clock(t_ns: int) -> None:
+    wake_ns = Controller(ControllerSettings(reference_stale_ns=STALE_NS)).start(t_ns).wake_ns
+    assert wake_ns is not None
+    assert wake_ns % TICK_NS == 0
+    assert t_ns < wake_ns <= t_ns + TICK_NS
+
+
+@given(lateness=st.lists(st.integers(0, 4 * TICK_NS), min_size=1, max_size=40))
+def test_however_late_it_wakes_it_asks_for_the_grid_and_counts_what_it_skipped(lateness: list[int]) -> None:
+    controller = after(Verb.ARM)
+    due_ns, served = T_START_NS, 0
+    for late_ns in lateness:
+        tell(controller, joints(due_ns), due_ns + late_ns)
+        step = controller.on_tick(due_ns + late_ns)
+        served += 1
+        assert len(setpoints(step)) == 1, "late ticks are never made up"
+        assert step.wake_ns is not None
+        assert step.wake_ns % TICK_NS == 0
+        assert due_ns + late_ns < step.wake_ns <= due_ns + late_ns + TICK_NS
+        due_ns = step.wake_ns
+    assert controller.late_ticks == (due_ns - T_START_NS) // TICK_NS - served
+
+
+def test_arming_commands_exactly_where_the_robot_stands() -> None:
+    steps = run(after(Verb.ARM), range(20))
+    assert {s.position_m for step in steps for s in setpoints(step)} == {PARKED}
+
+
+def test_arming_does_not_follow_the_robot_afterwards() -> None:
+    controller = after(Verb.ARM)
+    tell(controller, joints(T_START_NS, (0.2, 0.2, 0.2)), T_START_NS)
+    assert setpoints(controller.on_tick(T_START_NS))[0].position_m == PARKED
+
+
+def test_the_first_window_leaves_from_where_the_robot_stands() -> None:
+    got = xs(run(after(Verb.ARM, Verb.START), range(6), lambda k: 0.056))
+    assert got == [pytest.approx(0.05 + 0.001 * k) for k in range(1, 7)]
+
+
+def test_no_setpoint_leaves_before_arming() -> None:
+    assert xs(run(after(), range(20), lambda k: 0.1)) == []
+
+
+def test_armed_it_ignores_references_and_started_too_until_t_start() -> None:
+    assert set(xs(run(after(Verb.ARM), range(20), lambda k: 0.1))) == {0.05}
+    early = after(Verb.ARM, Verb.START)
+    assert set(xs(run(early, range(-20, 0), lambda k: 0.1))) == {0.05}
+
+
+def test_setpoints_leave_at_every_tick_and_the_state_at_every_other_one_to_both_listeners() -> None:
+    steps = run(after(Verb.ARM), range(20))
+    assert [len(setpoints(step)) for step in steps] == [1] * 20
+    channels = [[send.channel for send in step.sends if isinstance(send.message, RobotState)] for step in steps]
+    assert channels == [["robot_state", "platform"], []] * 10
+
+
+def test_the_state_says_what_is_commanded_and_what_the_encoders_read_and_when() -> None:
+    controller = after(Verb.ARM)
+    tell(controller, joints(T_START_NS - 3 * MS, (0.06, 0.0, 0.0)), T_START_NS)
+    (state, _) = [send.message for send in controller.on_tick(T_START_NS).sends if isinstance(send.message, RobotState)]
+    assert (state.commanded_m, state.actual_m) == (PARKED, (0.06, 0.0, 0.0))
+    assert (state.t_ns, state.t_actual_ns) == (T_START_NS, T_START_NS - 3 * MS)
+    assert (state.actual_velocity_m_s, state.phase) == ((0.1, 0.2, 0.3), Phase.ARMED)
+
+
+def test_before_arming_the_state_commands_where_the_robot_stands() -> None:
+    (step,) = run(after(), range(1))
+    states = [send.message for send in step.sends if isinstance(send.message, RobotState)]
+    assert [s.commanded_m for s in states] == [PARKED, PARKED]
+
+
+def test_a_robot_nobody_heard_of_has_no_state() -> None:
+    controller = Controller(ControllerSettings(reference_stale_ns=STALE_NS))
+    controller.start(0)
+    assert [controller.on_tick(k * TICK_NS).sends for k in range(1, 5)] == [()] * 4
+
+
+@pytest.mark.parametrize("verb", [Verb.STATUS, Verb.ARM])
+def test_a_controller_without_encoders_refuses_to_say_it_is_ready_or_to_arm(verb: Verb) -> None:
+    controller = Controller(ControllerSettings(reference_stale_ns=STALE_NS))
+    controller.start(0)
+    (reply,) = replies(tell(controller, order(verb, id=12), 0))
+    assert (reply.id, reply.ok, reply.phase) == (12, False, Phase.IDLE)
+    assert reply.text == "the robot's encoders are silent: is the bench running?"
+
+
+@pytest.mark.parametrize(("age_ms", "ok"), [(100, True), (101, False)])
+def test_arming_needs_encoders_heard_within_100_ms(age_ms: int, ok: bool) -> None:
+    (reply,) = replies(tell(after(), order(Verb.ARM), T_START_NS + age_ms * MS))
+    assert reply.ok is ok
+
+
+@pytest.mark.parametrize(
+    ("history", "verb"),
+    [
+        pytest.param([], Verb.START, id="start_without_arm"),
+        pytest.param([Verb.ARM, Verb.START], Verb.START, id="start_twice"),
+        pytest.param([Verb.ARM, Verb.START], Verb.ARM, id="arm_while_running"),
+        pytest.param([Verb.STOP], Verb.ARM, id="arm_after_stop"),
+        pytest.param([Verb.ARM, Verb.STOP], Verb.START, id="start_after_stop"),
+        pytest.param([Verb.ARM, Verb.ESTOP], Verb.ARM, id="arm_after_estop"),
+    ],
+)
+def test_an_order_that_does_not_fit_the_phase_is_refused_and_changes_nothing(history: list[Verb], verb: Verb) -> None:
+    controller, untouched = after(*history), after(*history)
+    (reply,) = replies(tell(controller, order(verb), T_START_NS))
+    assert not reply.ok
+    assert f"{verb.value} refused: {reply.phase.value}; must be" in reply.text
+    assert xs(run(controller, range(12), lambda k: 0.06)) == xs(run(untouched, range(12), lambda k: 0.06))
+
+
+def test_only_the_newest_reference_counts_whatever_the_order_of_arrival() -> None:
+    controller = after(Verb.ARM, Verb.START)
+    for x_m, age_ms in ((0.02, 20), (0.056, 0), (0.03, 10)):
+        tell(controller, reference(x_m, T_START_NS - age_ms * MS), T_START_NS)
+    assert xs(run(controller, range(6)))[-1] == pytest.approx(0.056)
+
+
+def test_a_hole_in_the_references_is_held_and_then_caught_up() -> None:
+    got = xs(run(after(Verb.ARM, Verb.START), range(42), lambda k: 0.05 if k < 12 else 0.056 if k >= 30 else None))
+    assert got[:30] == [pytest.approx(0.05)] * 30
+    assert got[30:36] == [pytest.approx(0.05 + 0.001 * k) for k in range(1, 7)]
+
+
+def test_stale_references_stop_the_robot_where_it_is_with_exit_5() -> None:
+    controller = after(Verb.ARM, Verb.START)
+    run(controller, range(8), lambda k: 0.056)
+    steps = run(controller, range(8, 100))
+    (told,) = news(steps)
+    silent_for = next(k for k, step in enumerate(steps, 8) if replies(step)) - 7
+    assert silent_for == STALE_NS // TICK_NS + 1  # 300 ms are still good
+    assert (told.id, told.ok, told.exit, told.phase) == (0, False, 5, Phase.STOPPED)
+    assert "no reference for 305 ms; must be <= 300 ms (safety.reference_stale_ms)" in told.text
+    assert xs(steps) == [pytest.approx(0.056)] * len(steps)
+
+
+def test_references_that_never_come_are_noticed_from_t_start_on() -> None:
+    controller = after(Verb.ARM, Verb.START)
+    assert news(run(controller, range(STALE_NS // TICK_NS + 1))) == []
+    (told,) = news(run(controller, range(STALE_NS // TICK_NS + 1, STALE_NS // TICK_NS + 2)))
+    assert told.exit == 5
+
+
+def test_after_a_stale_stop_new_references_move_nothing() -> None:
+    controller = after(Verb.ARM, Verb.START)
+    run(controller, range(70), lambda k: 0.056 if k < 6 else None)
+    assert xs(run(controller, range(70, 100), lambda k: 0.2)) == [pytest.approx(0.056)] * 30
+
+
+@pytest.mark.parametrize("verbs", [(Verb.ARM,), (Verb.ARM, Verb.START)], ids=["armed", "running"])
+def test_silent_encoders_are_a_fault_after_100_ms(verbs: tuple[Verb, ...]) -> None:
+    steps = run(after(*verbs), range(40), lambda k: 0.06, encoders=False)
+    ((k, told),) = [(k, r) for k, step in enumerate(steps) for r in replies(step)]
+    assert k == 21
+    assert (told.id, told.ok, told.exit, told.phase) == (0, False, 5, Phase.FAULT)
+    assert told.text == "no joint state for 105 ms; must be <= 100 ms: is the bench running?"
+    assert len(set(xs(steps[k:]))) == 1, "the setpoint stays where it is"
+
+
+def test_silent_encoders_before_arming_are_nobodys_fault_yet() -> None:
+    assert news(run(after(), range(100), encoders=False)) == []
+
+
+@pytest.mark.parametrize(("verb", "phase"), [(Verb.STOP, Phase.STOPPED), (Verb.ESTOP, Phase.FAULT)])
+def test_a_stop_in_mid_window_freezes_the_setpoint_at_once_and_for_good(verb: Verb, phase: Phase) -> None:
+    controller = after(Verb.ARM, Verb.START)
+    before = xs(run(controller, range(3), lambda k: 0.056))
+    (reply,) = replies(tell(controller, order(verb), T_START_NS + 11 * MS))
+    assert (reply.ok, reply.phase) == (True, phase)
+    steps = run(controller, range(3, 100), lambda k: 0.2)
+    assert set(xs(steps)) == {before[-1]}
+    assert news(steps) == []
+
+
+@pytest.mark.parametrize("verb", [Verb.STOP, Verb.ESTOP])
+def test_a_stop_between_start_and_t_start_keeps_the_robot_where_it_is(verb: Verb) -> None:
+    controller = after(Verb.ARM, Verb.START)
+    tell(controller, order(verb), T_START_NS - MS)
+    assert set(xs(run(controller, range(100), lambda k: 0.2))) == {0.05}
+
+
+def test_an_emergency_stop_works_without_encoders() -> None:
+    controller = Controller(ControllerSettings(reference_stale_ns=STALE_NS))
+    (reply,) = replies(tell(controller, order(Verb.ESTOP), 0))
+    assert (reply.ok, reply.phase) == (True, Phase.FAULT)
+
+
+def test_the_last_call_sends_nothing_and_leaves_the_robot_stopped() -> None:
+    controller = after(Verb.ARM, Verb.START)
+    before = xs(run(controller, range(3), lambda k: 0.056))
+    assert controller.stop(T_START_NS + 11 * MS) == NOTHING
+    assert set(xs(run(controller, range(3, 20), lambda k: 0.2))) == {before[-1]}
+
+
+@given(st.lists(st.one_of(st.none(), st.floats(-0.25, 0.25)), min_size=1, max_size=60))
+def test_no_setpoint_steps_farther_than_a_sixth_of_what_the_references_span(places: list[float | None]) -> None:
+    got = xs(run(after(Verb.ARM, Verb.START), range(len(places)), lambda k: places[k]))
+    known = [0.05, *(x for x in places if x is not None)]
+    span = max(known) - min(known)
+    for before, now in zip([0.05, *got], got, strict=False):
+        assert abs(now - before) <= span / 6 + 1e-12
+
+
+def test_settings_travel_as_json() -> None:
+    settings = ControllerSettings(reference_stale_ns=STALE_NS)
+    with pytest.raises(msgspec.ValidationError, match="reference_stale"):
+        build(b"{}")
+    built = build(msgspec.json.encode(settings))
+    assert built.start(0) == Controller(settings).start(0)

@@ -1,0 +1,154 @@
+"""What a link loses, how late it is, and that the ledger accounts for every packet."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from comms import link
+from comms.link import WINDOW, LinkCount, LinkFaults, LinkModel, SequenceWindow, settle
+
+MS = 1_000_000
+PACKETS = 20_000
+LOSSES = [(0.01, 1), (0.2, 1), (0.7, 1), (0.05, 3), (0.3, 5), (0.5, 20)]
+SPLITMIX64 = (  # the published sequence for the seed 1234567
+    *(6457827717110365317, 3203168211198807973, 9817491932198370423, 4593380528125082431),
+    16408922859458223821,
+)
+faults = st.builds(
+    LinkFaults, delay_ms=st.floats(0, 100), jitter_ms=st.floats(0, 100), loss=st.floats(0, 0.95), burst=st.integers(1, 8)
+)
+seqs = st.integers(0, 2**32 - 1)
+
+
+def lost(model: LinkModel, packets: int = PACKETS) -> list[bool]:
+    """Which packets do not arrive."""
+    return [model.delay_ns(seq) is None for seq in range(packets)]
+
+
+def test_the_hash_is_splitmix64() -> None:
+    golden_gamma = 0x9E3779B97F4A7C15  # the generator steps its state by this; our hash does so once
+    states = ((1234567 + k * golden_gamma) % 2**64 for k in range(5))
+    assert tuple(link._mix(state) for state in states) == SPLITMIX64
+
+
+@given(faults, st.integers(-(2**70), 2**70), st.integers(1, 10), st.lists(seqs, max_size=20))
+def test_the_fate_of_a_packet_depends_on_seed_channel_and_number_alone(
+    asked: LinkFaults, seed: int, channel_id: int, order: list[int]
+) -> None:
+    model = LinkModel(asked, seed, channel_id)
+    in_this_order = {seq: model.delay_ns(seq) for seq in order}
+    assert {seq: LinkModel(asked, seed, channel_id).delay_ns(seq) for seq in reversed(order)} == in_this_order
+
+
+def test_other_seeds_and_other_channels_lose_other_packets() -> None:
+    asked = LinkFaults(loss=0.5)
+    patterns = {tuple(lost(LinkModel(asked, seed, channel), 64)) for seed in range(-5, 5) for channel in range(1, 11)}
+    assert len(patterns) == 100
+
+
+@pytest.mark.parametrize(("loss", "burst"), LOSSES)
+def test_the_share_of_lost_packets_is_the_one_asked_for(loss: float, burst: int) -> None:
+    """Packets are kept when none of `burst` coins fell; coins shared over lag k correlate them, the variance is exact."""
+    keep = (1 - loss) ** (1 / burst)
+    covariances = [keep ** (burst + lag) - (1 - loss) ** 2 for lag in range(burst)]
+    sigma = math.sqrt((covariances[0] + 2 * sum(covariances[1:])) / PACKETS)  # burst = 1: the binomial's
+    share = sum(lost(LinkModel(LinkFaults(loss=loss, burst=burst), 7, 3))) / PACKETS
+    assert share == pytest.approx(loss, abs=4 * sigma)
+
+
+@pytest.mark.parametrize(("loss", "burst"), LOSSES)
+def test_losses_come_in_bursts_of_the_length_asked_for(loss: float, burst: int) -> None:
+    """A run begins where a coin falls after a kept packet, chance (1 - loss) p; so its mean length is loss / ((1 - loss) p)."""
+    p = 1 - (1 - loss) ** (1 / burst)
+    fates = lost(LinkModel(LinkFaults(loss=loss, burst=burst), 11, 4))
+    runs = [len(list(run)) for gone, run in itertools.groupby(fates) if gone][1:-1]  # the outer ones may be cut
+    assert min(runs) >= burst
+    mean = loss / ((1 - loss) * p)
+    sigma = math.sqrt(sum((n - mean) ** 2 for n in runs)) / len(runs)
+    assert sum(runs) / len(runs) == pytest.approx(mean, abs=4 * sigma)
+
+
+@given(faults, st.integers(0, 2**32), seqs)
+def test_a_packet_is_late_by_the_delay_and_at_most_the_jitter_more(asked: LinkFaults, seed: int, seq: int) -> None:
+    delay_ns = LinkModel(asked, seed, 5).delay_ns(seq)
+    if delay_ns is not None:
+        low, high = round(asked.delay_ms * MS), round(asked.delay_ms * MS) + round(asked.jitter_ms * MS)
+        assert low <= delay_ns <= high
+
+
+def test_jitter_is_uniform_over_its_width() -> None:
+    model = LinkModel(LinkFaults(delay_ms=3, jitter_ms=8), 1, 1)
+    jitter = sorted((model.delay_ns(seq) or 0) - 3 * MS for seq in range(PACKETS))
+    gap = max(abs(value / (8 * MS) - (k + 0.5) / PACKETS) for k, value in enumerate(jitter))
+    assert gap < 1.95 / math.sqrt(PACKETS)  # Kolmogorov-Smirnov, 0.1 %
+
+
+def test_jitter_does_not_choose_which_packets_are_lost() -> None:
+    plain, late = LinkFaults(loss=0.3), LinkFaults(loss=0.3, delay_ms=5, jitter_ms=40)
+    assert lost(LinkModel(plain, 2, 9), 2000) == lost(LinkModel(late, 2, 9), 2000)
+
+
+def test_without_faults_everything_arrives_at_once() -> None:
+    assert {LinkModel(LinkFaults(), 3, 3).delay_ns(seq) for seq in range(1000)} == {0}
+
+
+@given(st.lists(st.integers(0, 300), max_size=200))
+def test_a_number_is_taken_once_and_only_when_it_is_the_newest(arrivals: list[int]) -> None:
+    window, seen, newest = SequenceWindow(), set[int](), -1
+    for seq in arrivals:
+        if seq > newest:
+            expected = None
+        elif seq in seen and newest - seq < WINDOW:
+            expected = "duplicate"
+        else:
+            expected = "old"
+        assert window.verdict(seq) == expected
+        seen.add(seq)
+        newest = max(newest, seq)
+
+
+@given(st.sets(seqs, min_size=1, max_size=50))
+def test_numbers_in_order_are_all_taken_however_far_apart(numbers: set[int]) -> None:
+    window = SequenceWindow()
+    assert [window.verdict(seq) for seq in sorted(numbers)] == [None] * len(numbers)
+
+
+fates = st.sampled_from(["delivered", "late", "copied", "crc", "old", "lost_link", "lost_queue", "lost_kernel"])
+
+
+@given(st.lists(fates, max_size=60))
+def test_the_ledger_balances_whatever_became_of_the_packets(packets: list[str]) -> None:
+    sender, receiver = LinkCount(), LinkCount()
+    for fate in packets:
+        sender.sent += 1
+        sender.lost_link += fate == "lost_link"
+        sender.lost_queue += fate == "lost_queue"
+        receiver.delivered += fate in ("delivered", "late", "copied")
+        receiver.late += fate == "late"
+        receiver.duplicated += fate == "copied"
+        if fate in ("crc", "old"):
+            receiver.reject(fate)
+    row = settle(sender, receiver)
+    assert row.unexplained == 0
+    assert row.lost_kernel == packets.count("lost_kernel")
+    assert row.lost == sum(fate.startswith("lost") for fate in packets)
+    assert row.sent == len(packets)
+    assert (row.late, row.duplicated) == (packets.count("late"), packets.count("copied"))
+    assert row.rejected == {reason: packets.count(reason) for reason in ("crc", "old") if reason in packets}
+
+
+@given(st.integers(0, 50), st.integers(1, 5))
+def test_packets_that_nobody_sent_unbalance_the_ledger(sent: int, foreign: int) -> None:
+    receiver = LinkCount(delivered=sent, rejected={"session": foreign})
+    assert settle(LinkCount(sent=sent), receiver).unexplained == -foreign
+
+
+def test_settling_leaves_both_ends_as_they_were() -> None:
+    sender, receiver = LinkCount(sent=3), LinkCount(delivered=1, rejected={"crc": 1})
+    settle(sender, receiver).reject("crc")
+    assert (sender, receiver) == (LinkCount(sent=3), LinkCount(delivered=1, rejected={"crc": 1}))

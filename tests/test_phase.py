@@ -1,0 +1,75 @@
+"""The one transition function of controller and streamer, pair by pair."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import pytest
+
+from comms.messages import Phase, Verb
+from rig.controller.phase import ORDERS, Happening, next_phase, refusal
+
+TABLE = """
+            arm      start    stop     estop  reference_stale  robot_stale
+  idle      armed    idle     stopped  fault  idle             idle
+  armed     armed    running  stopped  fault  armed            fault
+  running   running  running  stopped  fault  stopped          fault
+  stopped   stopped  stopped  stopped  fault  stopped          stopped
+  fault     fault    fault    fault    fault  fault            fault
+"""
+HAPPENINGS, *ROWS = [line.split() for line in TABLE.strip().splitlines()]
+TRANSITIONS = [
+    (Phase(row[0]), Happening(happening), Phase(after))
+    for row in ROWS
+    for happening, after in zip(HAPPENINGS, row[1:], strict=True)
+]
+
+
+def test_the_table_names_every_pair_of_phase_and_happening_once() -> None:
+    pairs = [(phase, happening) for phase, happening, _ in TRANSITIONS]
+    assert sorted(pairs, key=str) == sorted(product(Phase, Happening), key=str)
+
+
+@pytest.mark.parametrize(("phase", "happening", "after"), TRANSITIONS)
+def test_a_phase_is_followed_by_the_one_in_the_table(phase: Phase, happening: Happening, after: Phase) -> None:
+    assert next_phase(phase, happening) is after
+
+
+@pytest.mark.parametrize("phase", Phase)
+def test_an_emergency_stop_always_ends_in_fault(phase: Phase) -> None:
+    assert next_phase(phase, Happening.ESTOP) is Phase.FAULT
+
+
+@pytest.mark.parametrize("happening", Happening)
+def test_nothing_leaves_fault(happening: Happening) -> None:
+    assert next_phase(Phase.FAULT, happening) is Phase.FAULT
+
+
+@pytest.mark.parametrize("happening", [h for h in Happening if h is not Happening.ESTOP])
+def test_only_an_emergency_stop_leaves_stopped(happening: Happening) -> None:
+    assert next_phase(Phase.STOPPED, happening) is Phase.STOPPED
+
+
+def test_nothing_that_happens_after_a_stop_makes_the_robot_run_again() -> None:
+    for phase, later in product(Phase, product(Happening, repeat=3)):
+        now = next_phase(phase, Happening.STOP)
+        for happening in later:
+            now = next_phase(now, happening)
+        assert now in (Phase.STOPPED, Phase.FAULT)
+
+
+@pytest.mark.parametrize(("phase", "verb"), list(product(Phase, Verb)))
+def test_arm_and_start_are_taken_only_where_they_change_something_or_repeat_it(phase: Phase, verb: Verb) -> None:
+    allowed = {Verb.ARM: {Phase.IDLE, Phase.ARMED}, Verb.START: {Phase.ARMED}}.get(verb, set(Phase))
+    why = refusal(phase, verb)
+    assert (why is None) == (phase in allowed)
+
+
+def test_a_refusal_names_order_phase_and_bound() -> None:
+    assert refusal(Phase.STOPPED, Verb.START) == "start refused: stopped; must be armed: end this run and start a new one"
+
+
+@pytest.mark.parametrize("verb", [Verb.STOP, Verb.ESTOP])
+def test_a_stop_is_taken_in_every_phase(verb: Verb) -> None:
+    assert all(refusal(phase, verb) is None for phase in Phase)
+    assert ORDERS[verb] in (Happening.STOP, Happening.ESTOP)

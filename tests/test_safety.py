@@ -1,0 +1,162 @@
+"""The safety gate: each bound is missed when it is dropped, and no jump gets through."""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from comms.messages import Position
+from rig.safety import Envelope, Gate
+
+MS = 1_000_000
+PERIOD_S = 0.01
+BOUNDS = Envelope(position_min_m=-0.25, position_max_m=0.25, speed_m_s=1.0, acceleration_m_s2=5.0)
+
+
+def along_x(*places_m: float) -> list[Position]:
+    """Positions 10 ms apart."""
+    return [(x, 0.0, 0.0) for x in places_m]
+
+
+def first_refusal(envelope: Envelope, positions: list[Position], period_ns: int = 10 * MS) -> str | None:
+    """What the gate says first about references on an even grid."""
+    gate = Gate(envelope)
+    return next((said for k, p in enumerate(positions) if (said := gate.refusal(k * period_ns, p))), None)
+
+
+def speeding_up(acceleration_m_s2: float, top_m_s: float, from_m: float = -0.2) -> list[Position]:
+    """From rest at constant acceleration up to a top speed, until 0.4 m are covered."""
+    x, v, out = from_m, 0.0, [from_m]
+    while x < from_m + 0.4:
+        v = min(v + acceleration_m_s2 * PERIOD_S, top_m_s)
+        x += v * PERIOD_S
+        out.append(x)
+    return along_x(*out)
+
+
+INTRUDERS = {
+    "position_max_m": (along_x(0.2501), "x = 0.2501 m; must be -0.25 to 0.25 m"),
+    "position_min_m": (along_x(-0.2501), "x = -0.2501 m; must be -0.25 to 0.25 m"),
+    "speed_m_s": (speeding_up(4.9, 1.01), "speed 1.010 m/s; must be <= 1.000 m/s"),
+    "acceleration_m_s2": (speeding_up(5.05, 0.9), "acceleration 5.05 m/s2; must be <= 5.00 m/s2"),
+}
+
+
+def without(bound: str) -> Envelope:
+    """The envelope with one bound dropped."""
+    return msgspec.structs.replace(BOUNDS, **{bound: -math.inf if bound == "position_min_m" else math.inf})
+
+
+@pytest.mark.parametrize("bound", INTRUDERS)
+def test_an_intruder_is_refused_with_the_value_and_the_bound(bound: str) -> None:
+    positions, said = INTRUDERS[bound]
+    assert first_refusal(BOUNDS, positions) == said
+
+
+@pytest.mark.parametrize("bound", INTRUDERS)
+def test_each_bound_alone_keeps_its_intruder_out(bound: str) -> None:
+    assert first_refusal(without(bound), INTRUDERS[bound][0]) is None
+
+
+def test_the_table_has_an_intruder_for_every_bound() -> None:
+    assert set(INTRUDERS) == {field.name for field in msgspec.structs.fields(Envelope)}
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("place_m", [-0.2501, 0.2501, math.nan, math.inf, -math.inf])
+def test_every_axis_is_bounded_and_a_place_that_is_no_number_is_refused(axis: int, place_m: float) -> None:
+    there = [0.0, 0.0, 0.0]
+    there[axis] = place_m
+    said = Gate(BOUNDS).refusal(0, (there[0], there[1], there[2]))
+    assert said is not None
+    assert said.startswith("xyz"[axis])
+
+
+@pytest.mark.parametrize("bound", INTRUDERS)
+def test_a_bound_that_is_no_number_refuses_instead_of_passing(bound: str) -> None:
+    envelope = msgspec.structs.replace(BOUNDS, **{bound: math.nan})
+    assert first_refusal(envelope, along_x(0.0, 1e-4)) is not None
+
+
+@pytest.mark.parametrize("edge_m", [-0.25, 0.25])
+def test_the_edge_itself_is_inside(edge_m: float) -> None:
+    assert first_refusal(BOUNDS, along_x(edge_m, edge_m)) is None
+
+
+@pytest.mark.parametrize(
+    "positions",
+    [
+        pytest.param(speeding_up(5.0, 1.0), id="exactly_at_both_bounds"),
+        pytest.param([(x, -x, x) for x in np.linspace(0, 1e-4, 3)], id="slowly_along_all_axes"),
+    ],
+)
+def test_what_keeps_to_the_bounds_passes(positions: list[Position]) -> None:
+    assert first_refusal(BOUNDS, positions) is None
+
+
+def test_speed_counts_over_all_axes_together() -> None:
+    slow_each = [(0.006 * k, 0.006 * k, 0.006 * k) for k in range(5)]  # 0.6 m/s an axis, 1.04 m/s in space
+    calm = msgspec.structs.replace(BOUNDS, acceleration_m_s2=1000.0)
+    assert first_refusal(calm, slow_each) == "speed 1.039 m/s; must be <= 1.000 m/s"
+
+
+def test_the_first_step_is_judged_from_standstill() -> None:
+    assert first_refusal(BOUNDS, along_x(0.0, 0.0006)) == "acceleration 6.00 m/s2; must be <= 5.00 m/s2"
+
+
+def test_braking_harder_than_the_bound_is_refused() -> None:
+    cruise = speeding_up(4.9, 0.5)[:30]
+    assert "acceleration 50.00" in str(first_refusal(BOUNDS, [*cruise, cruise[-1]]))
+
+
+def test_a_jump_is_refused_however_long_the_gap_before_it() -> None:
+    """After a second of silence 50 mm are 0.05 m/s on paper, but the controller would cover them in 30 ms."""
+    for gap_ns in (10 * MS, 100 * MS, 1_000 * MS, 10_000 * MS):
+        gate = Gate(msgspec.structs.replace(BOUNDS, acceleration_m_s2=1e6))
+        assert gate.refusal(0, (0.0, 0.0, 0.0)) is None
+        assert "speed" in str(gate.refusal(gap_ns, (0.05, 0.0, 0.0)))
+
+
+def test_a_few_late_ticks_in_a_calm_move_are_no_jump() -> None:
+    gate, move = Gate(BOUNDS), speeding_up(4.9, 0.2)
+    for tick in (*range(10), *range(15, 30)):
+        assert gate.refusal(tick * 10 * MS, move[tick]) is None
+
+
+@pytest.mark.parametrize("step_ns", [0, -10 * MS])
+def test_a_reference_that_is_not_later_than_the_last_is_refused(step_ns: int) -> None:
+    gate = Gate(BOUNDS)
+    assert gate.refusal(50 * MS, (0.0, 0.0, 0.0)) is None
+    assert "must be later" in str(gate.refusal(50 * MS + step_ns, (0.0, 0.0, 0.0)))
+
+
+def test_a_refused_reference_leaves_no_trace_in_the_gate() -> None:
+    gate = Gate(BOUNDS)
+    gate.refusal(0, (0.0, 0.0, 0.0))
+    assert gate.refusal(10 * MS, (0.2, 0.0, 0.0)) is not None
+    assert gate.refusal(20 * MS, (0.0, 0.0, 0.0)) is None
+
+
+@given(
+    st.lists(st.tuples(st.integers(1, 60), *[st.floats(-0.3, 0.3)] * 3), min_size=2, max_size=40),
+    st.sampled_from([1e-3, 1e-2, 1.0]),
+)
+def test_whatever_is_let_through_keeps_to_every_bound(walk: list[tuple[int, float, float, float]], scale: float) -> None:
+    gate, t_ns = Gate(BOUNDS), 0
+    passed: list[tuple[float, np.ndarray]] = []
+    for ticks, *place in walk:
+        t_ns += ticks * 10 * MS
+        position = scale * np.array(place)
+        if gate.refusal(t_ns, (position[0], position[1], position[2])) is None:
+            passed.append((t_ns * 1e-9, position))
+    t_s, places = np.array([t for t, _ in passed]), np.array([p for _, p in passed]).reshape(-1, 3)
+    dt, steps = np.diff(t_s), np.diff(places, axis=0)
+    velocity = np.vstack([np.zeros((1, 3)), steps / dt[:, None]])
+    assert np.all(np.abs(places) <= 0.25)
+    assert np.all(np.linalg.norm(steps, axis=1) <= 1.0 * np.minimum(dt, 0.03) + 2e-9)
+    assert np.all(np.linalg.norm(np.diff(velocity, axis=0), axis=1) <= 5.0 * dt + 4.1e-9 / dt)

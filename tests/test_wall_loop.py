@@ -1,0 +1,152 @@
+"""The same tasks as processes over real sockets. Nothing here asserts how long anything took."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from comms.udp import UdpReceiver, free_port
+from rig import config, experiment
+from rig.analysis.analyze import Analysis
+from rig.errors import Refused
+from rig.runs import LOG
+
+BRIEF = ["experiment.quiet_s=0.3", "experiment.watch_s=2.5", "move.time_s=1.5", "safety.angle_stale_ms=5000"]
+
+
+def quietly(*_):
+    return None
+
+
+def test_the_loop_over_sockets_ends_well_and_every_link_balances(tmp_path):
+    ran = experiment.run(config.load("move", BRIEF), "wall", tmp_path, quietly, quietly)
+    summary = Analysis(ran.folder / LOG).summary
+    assert (ran.outcome.exit_code, ran.outcome.reasons) == (0, [])
+    assert {name: row.unexplained for name, row in summary.links.items()} == dict.fromkeys(summary.links, 0)
+    assert min(row.delivered for row in summary.links.values()) > 100
+    assert summary.measured.cable_length_m == pytest.approx(0.98, abs=0.01)
+    assert not (ran.folder / "operator.json").exists()
+
+
+def test_wall_and_virtual_lose_the_very_same_references(tmp_path):
+    changes = [*BRIEF, "links.reference.loss=0.1", "safety.reference_stale_ms=2000"]
+    lost = []
+    for mode in ("wall", "virtual"):
+        ran = experiment.run(config.load("move", changes), mode, tmp_path, quietly, quietly)
+        run = Analysis(ran.folder / LOG).run
+        arrived = run.receipts("reference")
+        lost.append({r.seq for r in run.references() if r.seq not in arrived and r.seq < 300})
+    assert lost[0] == lost[1]
+    assert len(lost[0]) > 10
+
+
+def start_a_run(folder: Path) -> subprocess.Popen:
+    """A run of the command line, waited for until its robot is about to move."""
+    sets = [word for change in [*BRIEF, "experiment.watch_s=60"] for word in ("--set", change)]
+    command = [sys.executable, "-P", "-m", "rig.cli.main", "run", "move", "--no-report", "--json", "--runs", str(folder), *sets]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+
+
+def wait_for_the_start(run: subprocess.Popen, folder: Path) -> None:
+    """Until the log tells of the start order; the run itself is bounded, and so is this."""
+    for _ in range(600):
+        logs = list(folder.glob(f"*/{LOG}"))
+        if logs and b"t_start" in _events(logs[0]):
+            return
+        with pytest.raises(subprocess.TimeoutExpired):
+            run.wait(0.1)
+    pytest.fail("the run never started")
+
+
+def _events(log: Path) -> bytes:
+    from comms.errors import LogError
+    from comms.mcap_log import read_log
+
+    try:
+        return b" ".join(entry.data for entry in read_log(log).topics.get("/events", []))
+    except LogError:
+        return b""
+
+
+def ended(run: subprocess.Popen) -> tuple[int, dict]:
+    said, _ = run.communicate(timeout=30)
+    return run.returncode, msgspec.json.decode(said)
+
+
+def test_ctrl_c_stops_the_robot_first_and_keeps_the_log(tmp_path):
+    run = start_a_run(tmp_path)
+    wait_for_the_start(run, tmp_path)
+    run.send_signal(signal.SIGINT)
+    code, said = ended(run)
+    assert (code, said["exit_status"], said["exit_code"]) == (4, "stopped", 4)
+    assert "Ctrl-C" in said["reasons"][0]
+    log = Analysis(Path(said["run_dir"]) / LOG)
+    assert log.run.log.complete
+    orders = [entry.data for entry in log.run.log.topics["/command"]]
+    stop, close = (next(k for k, data in enumerate(orders) if word in data) for word in (b'"stop"', b'"close"'))
+    assert stop < close
+
+
+def test_rig_stop_from_a_second_terminal_stops_the_run(tmp_path):
+    run = start_a_run(tmp_path)
+    wait_for_the_start(run, tmp_path)
+    stop = [sys.executable, "-P", "-m", "rig.cli.main", "stop", "--runs", str(tmp_path)]
+    told = subprocess.run(stop, capture_output=True, text=True, timeout=30, check=False)
+    assert (told.returncode, "stopping" in told.stdout) == (0, True)
+    code, said = ended(run)
+    assert (code, said["exit_status"]) == (4, "stopped")
+    assert said["reasons"][0] == "stop from another terminal"
+
+
+def test_a_task_that_dies_ends_the_run_as_a_fault_that_names_it_and_what_was_recorded_is_kept(tmp_path):
+    run = start_a_run(tmp_path)
+    wait_for_the_start(run, tmp_path)
+    os.kill(child_of(run, "vision"), signal.SIGKILL)
+    code, said = ended(run)
+    assert (code, said["exit_status"]) == (5, "fault")
+    assert "task 'vision' died (signal 9)" in said["reasons"][0]
+    assert Analysis(Path(said["run_dir"]) / LOG).run.angles
+
+
+def child_of(run: subprocess.Popen, module: str) -> int:
+    """The process that runs a task of this run."""
+    children = Path(f"/proc/{run.pid}/task/{run.pid}/children").read_text().split()
+    return next(int(pid) for pid in children if Path(f"/proc/{pid}/cmdline").read_bytes().endswith(f"{module}\0".encode()))
+
+
+def test_a_run_killed_outright_leaves_a_log_that_can_be_read_and_no_task_behind(tmp_path):
+    run = start_a_run(tmp_path)
+    wait_for_the_start(run, tmp_path)
+    children = [int(pid) for pid in Path(f"/proc/{run.pid}/task/{run.pid}/children").read_text().split()]
+    run.kill()
+    run.communicate()
+    (log,) = tmp_path.glob(f"*/{LOG}")
+    analysis = Analysis(log)
+    assert not analysis.run.log.complete
+    assert analysis.summary.exit_code == 6
+    assert any("incomplete" in reason for reason in analysis.summary.reasons)
+    for pid in children:
+        wait_until_gone(pid)
+
+
+def wait_until_gone(pid: int) -> None:
+    """Orphans leave by themselves once the operator has been silent for three seconds."""
+    descriptor = os.pidfd_open(pid) if Path(f"/proc/{pid}").exists() else None
+    if descriptor is None:
+        return
+    import select
+
+    assert select.select([descriptor], [], [], 20)[0], f"task {pid} outlived its operator"
+    os.close(descriptor)
+
+
+def test_a_port_in_use_is_refused_before_anything_moves(tmp_path):
+    base = free_port("127.0.0.1")
+    taken = UdpReceiver("127.0.0.1", base + 3, "test")  # the first data channel's
+    with pytest.raises(Refused, match=f"port {base + 3}.*base_port"):
+        experiment.run(config.load("move", [*BRIEF, f"network.base_port={base}"]), "wall", tmp_path, quietly, quietly)
+    taken.close()
