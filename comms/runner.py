@@ -113,6 +113,10 @@ class WallRunner:
         return False
 
     def _abandon(self) -> int:
+        for out in self._out.values():
+            out.close(self._clock.now_ns())
+        for link in self._in.values():
+            link.endpoint.close()
         self._bus.close()
         self._context.destroy(0)
         return ORPHANED

@@ -171,7 +171,7 @@ MISTAKES = {
     "a truth out of bounds": (["run", "--set", "bench.pendulum.length_m=-1"], 2, "[bench.pendulum] length_m = -1"),
     "a misspelt truth": (["run", "--set", "bench.camera.pich_deg=1"], 2, "did you mean 'pitch_deg'?"),
     "a planner that is not there": (["run", "--planner", "zvv"], 2, "zv"),
-    "a plan that leaves the workspace": (["run", "--set", "move.distance_m=0.4", "--set", "move.time_s=3"], 3, "-0.25 to 0.25 m"),
+    "a plan that leaves the workspace": (["run", "--set", "move.distance_m=0.3"], 3, "-0.25 to 0.25 m"),
     "a plan that leaves the limits": (["run", "--set", "move.time_s=0.8"], 3, "limit"),
     "a shaper that has no time": (["plan", "--planner", "zv", "--time", "0.9"], 2, "1.00"),
     "a plan without time": (["plan", "--time", "0"], 2, "must be > 0"),

@@ -1,0 +1,326 @@
+"""The experiment file: every kind of mistake is named with section, key, value, bound and the nearest key."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rig import config
+from rig.config import Experiment
+from rig.errors import USAGE, ConfigError
+
+SMALLEST = '[experiment]\nname = "mine"\n'
+SECTIONS = "experiment, move, model, plan, limits, safety, camera, vision, links, network, record, bench"
+LINKS = "reference, setpoint, joint_state, robot_state, platform, frame, angle"
+
+
+def said(path: Path, text: str) -> str:
+    """The error of a file with this text."""
+    file = path / "mine.toml"
+    file.write_text(text)
+    with pytest.raises(ConfigError) as error:
+        config.load(str(file), [])
+    assert error.value.exit_code == USAGE
+    return str(error.value)
+
+
+def said_of_override(override: str) -> str:
+    """The error of --set."""
+    with pytest.raises(ConfigError) as error:
+        config.load("move", [override])
+    return str(error.value)
+
+
+@pytest.mark.parametrize("name", config.shipped())
+def test_every_shipped_experiment_loads_and_bears_its_name(name: str) -> None:
+    assert config.load(name, []).experiment.name == name
+
+
+def test_there_are_shipped_experiments() -> None:
+    assert {"move", "free_decay", "dropouts"} <= set(config.shipped())
+
+
+def test_the_smallest_file_is_a_name_and_everything_else_has_a_default(tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text(SMALLEST)
+    assert config.load(str(file), []) == Experiment(experiment=config.ExperimentSection(name="mine"))
+
+
+def test_a_whole_number_is_good_where_a_decimal_is_meant() -> None:
+    assert config.load("move", ["move.time_s=2"]).move.time_s == 2.0
+
+
+MISTAKES = {
+    "an unknown section": (
+        SMALLEST + "[mov]\ntime_s = 1",
+        f"mov: unknown key, did you mean 'move'?; known here: {SECTIONS}",
+    ),
+    "an unknown key with a near one": (
+        SMALLEST + "[move]\ndistanc_m = 0.2",
+        "[move] distanc_m: unknown key, did you mean 'distance_m'?; known here: axis, start_m, distance_m, time_s",
+    ),
+    "an unknown key with none near": (
+        SMALLEST + "[plan]\nqqq = 1",
+        "[plan] qqq: unknown key; known here: input, law",
+    ),
+    "an unknown link": (
+        SMALLEST + "[links.refrence]\nloss = 0.1",
+        f"[links.refrence]: no such link, did you mean 'reference'?; links: {LINKS}",
+    ),
+    "a link that is not one of data": (
+        SMALLEST + "[links.command]\nloss = 0.1",
+        f"[links.command]: no such link; links: {LINKS}",
+    ),
+    "an unknown key of a link": (
+        SMALLEST + "[links.angle]\ndelay = 3",
+        "[links.angle] delay: unknown key, did you mean 'delay_ms'?; known here: delay_ms, jitter_ms, loss, burst",
+    ),
+    "a link out of bounds": (
+        SMALLEST + "[links.angle]\nloss = 1.5",
+        "[links.angle] loss = 1.5: expected `float` < 1.0; change it to fit",
+    ),
+    "a link that is no table": (
+        SMALLEST + "[links]\nangle = 3",
+        "[links] angle = 3: expected `object`, got `int`; change it to fit",
+    ),
+    "links that are no table": (
+        "links = [1]\n" + SMALLEST,
+        "links = [1]: expected `object`, got `array`; change it to fit",
+    ),
+    "a section that is no table": (
+        "move = 3\n" + SMALLEST,
+        "move = 3: expected `object`, got `int`; change it to fit",
+    ),
+    "a missing section": ("", "section experiment: missing; add it"),
+    "a missing key": ("[experiment]\nseed = 1", "[experiment] name: missing; add it"),
+    "a word for a number": (
+        SMALLEST + '[move]\ntime_s = "long"',
+        "[move] time_s = 'long': expected `float`, got `str`; change it to fit",
+    ),
+    "a truth value for a number": (
+        SMALLEST + "[move]\ntime_s = true",
+        "[move] time_s = True: expected `float`, got `bool`; change it to fit",
+    ),
+    "a decimal for a count": (
+        SMALLEST + "[camera]\nwidth = 64.5",
+        "[camera] width = 64.5: expected `int`, got `float`; change it to fit",
+    ),
+    "a number for a word": (
+        SMALLEST + "[plan]\nlaw = 3",
+        "[plan] law = 3: expected `str`, got `int`; change it to fit",
+    ),
+    "a word that is none of the allowed": (
+        '[experiment]\nname = "mine"\nkind = "mov"',
+        "[experiment] kind = 'mov': must be one of 'move', 'free_decay', did you mean 'move'?; change it to fit",
+    ),
+    "a name with a blank": (
+        '[experiment]\nname = "my run"',
+        "[experiment] name = 'my run': expected `str` matching regex '^[A-Za-z0-9_\\\\-]{1,60}$'; change it to fit",
+    ),
+    "a list that is too long": (
+        SMALLEST + "[vision]\nrough_pivot_px = [1, 2, 3]",
+        "[vision] rough_pivot_px = [1, 2, 3]: expected `array` of length 2, got 3; change it to fit",
+    ),
+    "a wrong element of a list": (
+        SMALLEST + '[vision]\nrough_pivot_px = [1, "a"]',
+        "[vision.rough_pivot_px] 1 = 'a': expected `float`, got `str`; change it to fit",
+    ),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_mistake_in_the_file_is_named(mistake: str, tmp_path: Path) -> None:
+    text, expected = MISTAKES[mistake]
+    assert said(tmp_path, text) == expected
+
+
+OUT_OF_BOUNDS = [
+    ("experiment.seed", -1, ">= 0"),
+    ("experiment.quiet_s", -0.1, ">= 0"),
+    ("experiment.quiet_s", 601, "<= 600"),
+    ("experiment.watch_s", 0, ">= 0.1"),
+    ("move.start_m", -11, ">= -10"),
+    ("move.distance_m", 20, "<= 10"),
+    ("move.time_s", 0, "> 0"),
+    ("model.length_m", 0, "> 0"),
+    ("model.damping_ratio", 1, "< 1"),
+    ("model.gravity_m_s2", -9.81, "> 0"),
+    ("limits.speed_m_s", 0, "> 0"),
+    ("limits.acceleration_m_s2", -5, "> 0"),
+    ("safety.position_min_m", -20, ">= -10"),
+    ("safety.speed_m_s", 0, "> 0"),
+    ("safety.reference_stale_ms", 29, ">= 30"),
+    ("safety.angle_stale_ms", 99, ">= 100"),
+    ("safety.initial_swing_rad", 2, "<= 1.6"),
+    ("camera.width", 63, ">= 64"),
+    ("camera.height", 5000, "<= 4096"),
+    ("camera.rate_hz", 201, "<= 200"),
+    ("vision.average_frames", 0, ">= 1"),
+    ("vision.processing_ms", 1001, "<= 1000"),
+    ("vision.rough_pixels_per_m", 0, "> 0"),
+    ("network.base_port", 65_001, "<= 65000"),
+    ("record.pictures_hz", 51, "<= 50"),
+    ("links.reference.delay_ms", -1, ">= 0"),
+    ("links.reference.burst", 0, ">= 1"),
+]
+
+
+@pytest.mark.parametrize(("key", "value", "bound"), OUT_OF_BOUNDS)
+def test_a_value_out_of_bounds_is_named_with_the_bound(key: str, value: float, bound: str) -> None:
+    section, _, name = key.rpartition(".")
+    text = said_of_override(f"{key}={value}")
+    assert text.startswith(f"[{section}] {name} = {value}: expected ")
+    assert bound in text
+
+
+def bounded_numbers(kind: type[msgspec.Struct] = Experiment, path: tuple[str, ...] = ()) -> Iterator[str]:
+    """Keys of all numbers of the file."""
+    for field in msgspec.structs.fields(kind):
+        if isinstance(field.type, type) and issubclass(field.type, config.Section):
+            yield from bounded_numbers(field.type, (*path, field.name))
+        elif isinstance(field.default, int | float) or field.name in ("speed_m_s", "acceleration_m_s2"):
+            yield ".".join((*path, field.name))
+
+
+@pytest.mark.parametrize("key", list(bounded_numbers()))
+@pytest.mark.parametrize("value", ["nan", "inf", "-inf"])
+def test_no_number_of_the_file_may_be_endless_or_none(key: str, value: str) -> None:
+    assert said_of_override(f"{key}={value}").startswith(f"[{key.rpartition('.')[0]}] {key.rpartition('.')[2]} = {value}: ")
+
+
+def test_the_table_of_numbers_is_not_empty() -> None:
+    assert {"move.time_s", "safety.speed_m_s", "camera.width"} <= set(bounded_numbers())
+
+
+def test_a_file_that_is_no_toml_is_named_with_the_line(tmp_path: Path) -> None:
+    text = said(tmp_path, "[experiment]\nname = \n")
+    assert "is not valid TOML" in text
+    assert "line 2" in text
+
+
+def test_a_file_that_is_no_text_is_refused_in_words(tmp_path: Path) -> None:
+    file = tmp_path / "picture.toml"
+    file.write_bytes(bytes(range(128, 256)))
+    with pytest.raises(ConfigError, match="is not valid TOML"):
+        config.load(str(file), [])
+
+
+def test_a_missing_file_is_answered_with_what_is_shipped() -> None:
+    with pytest.raises(ConfigError) as error:
+        config.load("mov", [])
+    assert str(error.value) == (
+        "experiment 'mov': no such file and not a shipped experiment, did you mean 'move'?; "
+        f"shipped: {', '.join(config.shipped())}"
+    )
+
+
+def test_a_folder_is_no_experiment(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="no such file"):
+        config.load(str(tmp_path), [])
+
+
+def test_a_file_that_cannot_be_read_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text(SMALLEST)
+
+    def locked(*_: object, **__: object) -> str:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "read_text", locked)
+    with pytest.raises(ConfigError, match=r"mine\.toml' cannot be read: Permission denied; check the file"):
+        config.load(str(file), [])
+
+
+@pytest.mark.parametrize(
+    ("override", "path", "value"),
+    [
+        pytest.param("move.distance_m=0.1", ("move", "distance_m"), 0.1, id="a_number"),
+        pytest.param("move.distance_m = 0.1", ("move", "distance_m"), 0.1, id="blanks_around_the_sign"),
+        pytest.param("experiment.planner=line", ("experiment", "planner"), "line", id="a_bare_word_is_a_string"),
+        pytest.param('experiment.planner="line"', ("experiment", "planner"), "line", id="a_quoted_word"),
+        pytest.param("experiment.purpose=a = b", ("experiment", "purpose"), "a = b", id="the_first_sign_splits"),
+        pytest.param("record.pictures_hz=0", ("record", "pictures_hz"), 0.0, id="a_section_the_file_has_not"),
+        pytest.param("vision.rough_pivot_px=[1, 2]", ("vision", "rough_pivot_px"), (1.0, 2.0), id="a_list"),
+    ],
+)
+def test_an_override_wins_over_the_file(override: str, path: tuple[str, str], value: object) -> None:
+    got: Any = config.load("move", [override])
+    for name in path:
+        got = getattr(got, name)
+    assert got == value
+
+
+def test_overrides_make_links_and_reach_the_bench() -> None:
+    e = config.load("move", ["links.angle.loss=0.5", "bench.pendulum.length_m=0.7", "links.angle.loss=0.25"])
+    assert e.links["angle"].loss == 0.25
+    assert e.bench.pendulum["length_m"] == 0.7
+
+
+def test_an_override_leaves_everything_else_as_it_was() -> None:
+    plain, changed = config.load("move", []), config.load("move", ["move.time_s=2.5"])
+    assert msgspec.structs.replace(changed, move=plain.move) == plain
+
+
+@pytest.mark.parametrize("text", ["move.time_s", "=1", "time_s=1", "move=1", "move..time_s=1", ".time_s=1", ""])
+def test_an_override_that_is_none_is_answered_with_an_example(text: str) -> None:
+    assert said_of_override(text) == f"--set '{text}': must be section.key=value, for example --set move.distance_m=0.1"
+
+
+def test_an_override_below_a_value_is_refused() -> None:
+    assert said_of_override("move.time_s.x=1") == "--set 'move.time_s.x=1': 'time_s' is a value, not a section"
+
+
+def test_an_override_is_checked_like_the_file() -> None:
+    assert said_of_override("move.tim_s=1").startswith("[move] tim_s: unknown key, did you mean 'time_s'?")
+    assert said_of_override("move.time_s=") == "[move] time_s = '': expected `float`, got `str`; change it to fit"
+
+
+def test_a_free_decay_moves_nothing_and_a_move_moves() -> None:
+    assert (config.load("free_decay", []).moves, config.load("move", []).moves) == (False, True)
+
+
+def places(tables: dict[str, Any], above: tuple[str, ...] = ()) -> Iterator[str]:
+    """Every key of two levels or more."""
+    for key, value in tables.items():
+        if above:
+            yield ".".join((*above, key))
+        if isinstance(value, dict):
+            yield from places(value, (*above, key))
+
+
+PLACES = sorted(places(msgspec.to_builtins(config.load("dropouts", []))))
+VALUES = st.one_of(
+    st.recursive(
+        st.one_of(st.booleans(), st.integers(-(2**70), 2**70), st.floats(), st.text("abc", max_size=4)),
+        lambda inside: st.lists(inside, max_size=3),
+        max_leaves=4,
+    ).map(json.dumps),
+    st.sampled_from(["{}", "{a = 1}", "[{a = 1}]", "1979-05-27", "07:32:00", "nan", "-inf"]),
+    st.text(max_size=6),
+)
+
+
+@given(place=st.sampled_from(PLACES), tail=st.sampled_from(["", "", ".a", "x"]), value=VALUES)
+def test_whatever_stands_in_the_file_it_is_an_experiment_or_an_error_in_words(place: str, tail: str, value: str) -> None:
+    key = place + tail
+    got = outcome(f"{key}={value}")
+    if isinstance(got, str):
+        assert key.split(".")[0] in got
+        assert len(got) > len(key) + 10
+    else:
+        assert msgspec.convert(msgspec.to_builtins(got), Experiment) == got
+
+
+def outcome(override: str) -> Experiment | str:
+    """An experiment, or what is wrong with it."""
+    try:
+        return config.load("dropouts", [override])
+    except ConfigError as error:
+        return str(error)

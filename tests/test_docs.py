@@ -1,0 +1,44 @@
+"""The pages are held to the code."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from comms import wire_page
+from rig.cli import main as command_line
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = ("README.md", "docs/path.md", "docs/wire.md")
+
+
+def test_the_wire_page_is_the_one_the_channel_table_makes():
+    told = (ROOT / "docs/wire.md").read_text()
+    assert told == wire_page.page(), "run: python -m comms.wire_page > docs/wire.md"
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_link_of_a_page_leads_somewhere(page):
+    here = (ROOT / page).parent
+    links = re.findall(r"\]\(([^)]+)\)", (ROOT / page).read_text())
+    assert [link for link in links if not (here / link).exists()] == []
+
+
+def test_every_command_of_the_readme_is_one_of_the_program():
+    verbs = {command.name for command in command_line.app.registered_commands} | {
+        group.name for group in command_line.app.registered_groups
+    }
+    named = set(re.findall(r"`rig ([a-z]+)", (ROOT / "README.md").read_text()))
+    assert named <= verbs
+    assert verbs - {"calibrate"} <= named
+
+
+def test_the_python_of_the_readme_runs(capsys):
+    (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+    exec(compile(code, "README.md", "exec"), {})
+    assert capsys.readouterr().out.startswith("0.07")
+
+
+def test_every_make_target_of_the_readme_exists():
+    targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    assert set(re.findall(r"`?make ([a-z]+)", (ROOT / "README.md").read_text())) <= targets
