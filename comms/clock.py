@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import resource
+import os
 import time
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Protocol
 
 
@@ -41,10 +42,13 @@ def stopwatch_s() -> float:
     return time.perf_counter()
 
 
-def cpu_s() -> float:
-    """Processor seconds used by this process and its ended children."""
-    own, ended = resource.getrusage(resource.RUSAGE_SELF), resource.getrusage(resource.RUSAGE_CHILDREN)
-    return own.ru_utime + own.ru_stime + ended.ru_utime + ended.ru_stime
+def cpu_of_s(pid: int) -> float:
+    """Processor seconds a running process has used (user + system); 0 when it is gone."""
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
+    except OSError:
+        return 0.0
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def timer_lateness_ns(period_ns: int, ticks: int) -> list[int]:

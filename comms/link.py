@@ -114,9 +114,10 @@ class SequenceWindow:
             self._seen = ((self._seen << ahead) | 1) & _MASK if ahead < WINDOW else 1
             self._newest = seq
             return None
+        if -ahead >= WINDOW:
+            return "old"
         bit = 1 << -ahead
-        if -ahead < WINDOW and self._seen & bit:
+        if self._seen & bit:
             return "duplicate"
-        if -ahead < WINDOW:
-            self._seen |= bit
+        self._seen |= bit
         return "old"

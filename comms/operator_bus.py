@@ -17,7 +17,7 @@ from comms.errors import PortInUse
 from comms.messages import Command, Reply
 from comms.records import Event, LinkRow, Receipts, Timing
 
-TAP_HIGH_WATER = 20_000
+TAP_HIGH_WATER = 1000  # batches, each of up to 25 ms of a task's messages
 PICTURE_HIGH_WATER = 2  # pictures are the first to be dropped
 LINGER_MS = 1000
 Context = zmq.Context[zmq.Socket[bytes]]
@@ -56,6 +56,7 @@ class TaskBus:
         for socket, address in ((self._commands, commands), (self._taps, taps), (self._pictures, pictures)):
             socket.setsockopt(zmq.LINGER, LINGER_MS)
             socket.connect(address)
+        self._tapped: list[bytes] = []  # channel, datagram, channel, datagram ...
         self.dropped_taps = 0
         self.dropped_pictures = 0
 
@@ -85,11 +86,18 @@ class TaskBus:
         self._commands.send_multipart([type(record).__name__.encode(), _encode(record)])
 
     def tap(self, channel: str, data: bytes) -> None:
-        """A message just sent, for the log; dropped and counted when the operator cannot follow."""
+        """A message just sent, for the log; it leaves with the next flush_taps."""
+        self._tapped += (channel.encode(), data)
+
+    def flush_taps(self) -> None:
+        """Send what was tapped; dropped and counted when the operator cannot follow."""
+        if not self._tapped:
+            return
         try:
-            self._taps.send_multipart([channel.encode(), data], zmq.NOBLOCK)
+            self._taps.send_multipart(self._tapped, zmq.NOBLOCK)
         except zmq.Again:
-            self.dropped_taps += 1
+            self.dropped_taps += len(self._tapped) // 2
+        self._tapped = []
 
     def picture(self, channel: str, data: bytes, pixels: bytes) -> None:
         """A picture for the log, on a queue of its own that drops first."""
@@ -139,8 +147,8 @@ class OperatorBus:
 
     def drain(self) -> Iterator[tuple[bytes, Hello | Reply | Record | Tapped | str]]:
         """What tasks and terminals said, with who said it; a str is a request of a second terminal."""
-        for socket in (self._taps, self._pictures):
-            yield from _drain_taps(socket)
+        yield from _drain_taps(self._taps, parts_each=2)
+        yield from _drain_taps(self._pictures, parts_each=3)
         yield from self._drain_commands()
 
     def close(self) -> None:
@@ -174,15 +182,17 @@ def _understand(parts: list[bytes]) -> Hello | Reply | Record | str | None:
     return None
 
 
-def _drain_taps(socket: zmq.Socket[bytes]) -> Iterator[tuple[bytes, Tapped]]:
+def _drain_taps(socket: zmq.Socket[bytes], parts_each: int) -> Iterator[tuple[bytes, Tapped]]:
+    """Taps are channel and datagram, pictures have their pixels as a third part; several may come in one message."""
     while True:
         try:
             parts = socket.recv_multipart(zmq.NOBLOCK)
         except zmq.Again:
             return
-        channel = parts[0].decode("ascii", "replace")
-        if channel in CHANNELS and len(parts) in (2, 3):
-            yield b"", Tapped(channel, parts[1], parts[2] if len(parts) == 3 else None)
+        for k in range(0, len(parts) - parts_each + 1, parts_each):
+            channel = parts[k].decode("ascii", "replace")
+            if channel in CHANNELS:
+                yield b"", Tapped(channel, parts[k + 1], parts[k + 2] if parts_each == 3 else None)
 
 
 def _bind(socket: zmq.Socket[bytes], host: str, port: int) -> str:

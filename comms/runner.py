@@ -24,6 +24,7 @@ from comms.frames import FrameReceiver, FrameSender
 from comms.link import LinkCount, LinkFaults, LinkModel, SequenceWindow
 from comms.messages import Frame, Message, Phase, Reference, Reply, Verb
 from comms.operator_bus import Context, TaskBus
+from comms.priority import take_priority
 from comms.records import Event, LinkRow, Receipts, Timing
 from comms.task import Step, Task
 from comms.udp import UdpReceiver, UdpSender
@@ -31,6 +32,7 @@ from comms.udp import UdpReceiver, UdpSender
 MS = 1_000_000  # ns
 LONGEST_WAIT_NS = 50 * MS  # the edge of a ZeroMQ descriptor can be missed; look again then
 RECORD_EVERY_NS = 250 * MS
+TAP_EVERY_NS = 25 * MS  # taps leave together: a message each would wake the operator a thousand times a second
 DRAIN_NS = 200 * MS  # after the last send, beyond the link's own delay
 OPERATOR_SILENT_NS = 3_000 * MS
 ADMISSION_NS = 30_000 * MS  # the slowest task's imports on a busy machine
@@ -51,6 +53,7 @@ class Wiring(msgspec.Struct, frozen=True, kw_only=True):
     pictures: str
     faults: dict[str, LinkFaults] = {}
     pictures_hz: float = 2.0
+    realtime: bool = False  # ask for SCHED_FIFO
 
 
 def main(build: Callable[[bytes], Task]) -> int:
@@ -78,12 +81,12 @@ class WallRunner:
         self._bus = TaskBus(self._context, task.name, wiring.commands, wiring.taps, wiring.pictures)
         self._listening: list[Any] = [*self._in.values(), self._bus]
         self._told: dict[str, LinkCount] = {}  # channels that end at the operator
-        self._outbox: list[tuple[int, int, str, Message]] = []  # due_ns, order, channel, message
+        self._outbox: list[tuple[int, int, _Out, Frame | bytes]] = []  # due_ns, order, channel, what leaves
         self._order = 0
         self._wake_ns: int | None = None
         self._exit: int | None = None
         self._lateness_ns: list[int] = []
-        self._record_ns = 0
+        self._record_ns = self._tap_ns = self._look_ns = 0
         self._operator_ns = 0
         self._picture_ns = 0
 
@@ -93,12 +96,13 @@ class WallRunner:
         gc.freeze()
         if not self._admitted():
             return self._abandon()
+        if self._wiring.realtime:
+            take_priority()
         now = self._clock.now_ns()
         self._operator_ns = now
         self._carry_out(self._task.start(now))
         while self._exit is None:
-            self._wait()
-            self._pass()
+            self._pass(self._wait())
         self._close()
         return self._exit
 
@@ -121,27 +125,37 @@ class WallRunner:
         self._context.destroy(0)
         return ORPHANED
 
-    def _wait(self) -> None:
+    def _wait(self) -> list[Any]:
+        """Sleep until something is due or arrives; returns what is to be read."""
         now = self._clock.now_ns()
         due = now + LONGEST_WAIT_NS
         if self._wake_ns is not None:
             due = min(due, self._wake_ns)
         if self._outbox:
             due = min(due, self._outbox[0][0])
-        select.select(self._listening, [], [], max(0, due - now) * 1e-9)
+        ready: list[Any] = select.select(self._listening, [], [], max(0, due - now) * 1e-9)[0]
+        if now >= self._look_ns:
+            self._look_ns = now + LONGEST_WAIT_NS
+            return self._listening
+        return ready
 
-    def _pass(self) -> None:
+    def _pass(self, ready: list[Any]) -> None:
         now = self._clock.now_ns()
         if self._wake_ns is not None and self._wake_ns <= now:
             self._lateness_ns.append(now - self._wake_ns)
             self._wake_ns = None
             self._carry_out(self._task.on_tick(now))
         self._send_due()
-        for link in self._in.values():
-            for message in link.read(self._clock):
-                self._carry_out(self._task.on_message(link.name, message, self._clock.now_ns()))
-        self._hear_operator()
+        for source in ready:
+            if source is self._bus:
+                self._hear_operator()
+                continue
+            for message in source.read(self._clock):
+                self._carry_out(self._task.on_message(source.name, message, self._clock.now_ns()))
         self._send_due()
+        if now >= self._tap_ns:
+            self._tap_ns = now + TAP_EVERY_NS
+            self._bus.flush_taps()
         if now >= self._record_ns:
             self._record_ns = now + RECORD_EVERY_NS
             self._record(now)
@@ -176,23 +190,26 @@ class WallRunner:
                 self._bus.tap(channel, encode(channel, message, self._wiring.session))
 
     def _queue(self, out: _Out, message: Message, at_ns: int) -> None:
-        self._tap(out.name, message)
+        data = encode(out.name, message, self._wiring.session)
+        self._bus.tap(out.name, data)
+        frame = message if isinstance(message, Frame) else None
+        if frame is not None:
+            self._show(out.name, frame, data)
         delay_ns = out.fate(message.seq)
         if delay_ns is not None:
             self._order += 1
-            heapq.heappush(self._outbox, (at_ns + delay_ns, self._order, out.name, message))
+            heapq.heappush(self._outbox, (at_ns + delay_ns, self._order, out, frame or data))
 
-    def _tap(self, channel: str, message: Message) -> None:
-        data = encode(channel, message, self._wiring.session)
-        self._bus.tap(channel, data)
-        if isinstance(message, Frame) and self._wiring.pictures_hz > 0 and message.t_ns >= self._picture_ns:
-            self._picture_ns = message.t_ns + round(1e9 / self._wiring.pictures_hz)
-            self._bus.picture(channel, data, message.pixels.tobytes())
+    def _show(self, channel: str, frame: Frame, data: bytes) -> None:
+        """A picture now and then, for people."""
+        if self._wiring.pictures_hz > 0 and frame.t_ns >= self._picture_ns:
+            self._picture_ns = frame.t_ns + round(1e9 / self._wiring.pictures_hz)
+            self._bus.picture(channel, data, frame.pixels.tobytes())
 
     def _send_due(self) -> None:
         while self._outbox and self._outbox[0][0] <= self._clock.now_ns():
-            _, _, channel, message = heapq.heappop(self._outbox)
-            self._out[channel].send(message)
+            _, _, out, payload = heapq.heappop(self._outbox)
+            out.send(payload)
 
     def _record(self, now: int) -> None:
         if self._lateness_ns:
@@ -221,6 +238,7 @@ class WallRunner:
 
     def _report(self) -> None:
         now = self._clock.now_ns()
+        self._bus.flush_taps()
         self._record(now)
         counts = {name: out.count for name, out in self._out.items()} | {name: link.count for name, link in self._in.items()}
         for name, count in (counts | self._told).items():
@@ -258,9 +276,9 @@ class _Out:
         self.count.lost_link += delay_ns is None
         return delay_ns
 
-    def send(self, message: Message) -> None:
+    def send(self, payload: Frame | bytes) -> None:
         """Put it on the wire now."""
-        taken = self._endpoint.send(message if isinstance(message, Frame) else encode(self.name, message, self._session))
+        taken = self._endpoint.send(payload)
         self._on_wire += taken
         self.count.lost_queue += not taken
 

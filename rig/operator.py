@@ -56,8 +56,9 @@ class Operator:
         return None if self.t_start_ns is None else self.t_start_ns + self._duration_ns
 
     def start(self, t_ns: int) -> Step:
-        """Ask everybody whether they are there."""
-        self._deadline_ns = t_ns + CONNECT_NS
+        """Ask everybody whether they are there (a task may have been lost before)."""
+        if self.stage is Stage.CONNECTING:
+            self._deadline_ns = t_ns + CONNECT_NS
         return Step(wake_ns=t_ns)
 
     def on_message(self, channel: str, message: Message, t_ns: int) -> Step:

@@ -44,7 +44,7 @@ class Gate:
             return None
         dt = (t_ns - self._t_ns) * 1e-9
         if dt <= 0:
-            return f"reference {-dt * 1e3:.1f} ms back in time; must be later than the one before"
+            return f"reference {abs(dt) * 1e3:.1f} ms back in time; must be later than the one before"
         velocity = tuple((new - old) / dt for new, old in zip(position_m, self._position, strict=True))
         refusal = self._too_fast(velocity, dt)
         if refusal is None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections import Counter, deque
 
 from comms.channels import MS
-from comms.messages import Command, Frame, JointState, Message, Phase, Position, Reply, Setpoint, Truth, Velocity, Verb
+from comms.messages import Command, Frame, JointState, Message, Phase, Position, Setpoint, Truth, Velocity
+from comms.replies import Replies
 from comms.task import NOTHING, Send, Step
 from sim_rig.bench import Bench
 from sim_rig.params import BenchParams
@@ -36,6 +37,7 @@ class BenchTask:
         self._aim_m = params.start_m
         self._phase = Phase.IDLE
         self._sent: Counter[str] = Counter()
+        self._replies = Replies(self.name)
 
     def start(self, t_ns: int) -> Step:
         """Release the load; a grid instant at t_ns itself is served at once."""
@@ -46,7 +48,7 @@ class BenchTask:
         return self.on_tick(t_ns)
 
     def on_message(self, channel: str, message: Message, t_ns: int) -> Step:
-        """A setpoint takes effect on arrival; a command is answered, and CLOSE ends the task. The world heeds no stop."""
+        """A setpoint takes effect on arrival; a command is answered. The world heeds no stop."""
         if isinstance(message, Setpoint):
             self._phase = Phase.RUNNING
             if message.position_m == self._aim_m:  # holding: nothing to stop the physics for
@@ -55,11 +57,7 @@ class BenchTask:
             self._setpoints.append((t_ns, message.position_m))
             return self.on_tick(t_ns)
         if isinstance(message, Command):
-            text = f"{self.late_ticks} late ticks"
-            reply = Reply(
-                seq=self._seq("reply"), t_ns=t_ns, id=message.id, sender=self.name, ok=True, phase=self._phase, text=text
-            )
-            return Step([Send("reply", reply, t_ns)], exit=0 if message.verb is Verb.CLOSE else None)
+            return Step([self._replies.answer(message, self._phase, t_ns, f"{self.late_ticks} late ticks")])
         return NOTHING
 
     def on_tick(self, t_ns: int) -> Step:

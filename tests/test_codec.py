@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from comms.channels import CHANNELS, Transport
@@ -18,6 +18,7 @@ from comms.frames import with_pixels
 from comms.messages import AngleSample, Frame, JointState, Message, Phase, Reason, Reference, RobotState, Setpoint, Truth
 from tests.wire_words import HEADER, LENGTH, SESSION, WIRE, channels, messages, words
 
+UNTIMED = settings(deadline=None)  # a busy machine is no failure
 STATE = RobotState(
     seq=3,
     t_ns=40,
@@ -153,6 +154,7 @@ def test_a_closing_datagram_is_a_header_with_a_flag_and_the_count() -> None:
     assert struct.unpack(HEADER + "I", data) == (b"SW", 1, 9, 32, 1, SESSION, 500, 7, zlib.crc32(data[:-4]))
 
 
+@UNTIMED
 @given(channels.flatmap(lambda name: st.tuples(st.just(name), messages(name))), st.integers(0, 2**64 - 1))
 def test_every_message_survives_the_wire(case: tuple[str, Message], session: int) -> None:
     channel, message = case
@@ -167,6 +169,7 @@ def test_every_message_survives_the_wire(case: tuple[str, Message], session: int
     assert len(data) == length(channel) == LENGTH[channel]
 
 
+@UNTIMED
 @given(channels, st.integers(0, 2**32 - 1), st.integers(0, 2**62))
 def test_every_closing_count_survives_the_wire(channel: str, count: int, t_ns: int) -> None:
     assert decode(channel, encode_closing(channel, count, t_ns, SESSION), SESSION) == Closing(count)

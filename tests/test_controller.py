@@ -22,7 +22,8 @@ PARKED = (0.05, 0.01, -0.02)
 
 def order(verb: Verb, t_ns: int = 0, id: int = 7) -> Command:
     """What the operator asks."""
-    return Command(seq=0, t_ns=t_ns, id=id, to="controller", verb=verb, t_start_ns=T_START_NS)
+    t_start_ns = T_START_NS if verb is Verb.START else 0
+    return Command(seq=0, t_ns=t_ns, id=id, to="controller", verb=verb, t_start_ns=t_start_ns)
 
 
 def joints(t_ns: int, position_m: Position = PARKED) -> JointState:
@@ -145,6 +146,24 @@ def test_setpoints_leave_at_every_tick_and_the_state_at_every_other_one_to_both_
     assert [len(setpoints(step)) for step in steps] == [1] * 20
     channels = [[send.channel for send in step.sends if isinstance(send.message, RobotState)] for step in steps]
     assert channels == [["robot_state", "platform"], []] * 10
+
+
+def test_setpoints_and_states_are_counted_without_a_gap() -> None:
+    steps = run(after(Verb.ARM), range(20))
+    assert [s.seq for step in steps for s in setpoints(step)] == list(range(20))
+    for channel in ("robot_state", "platform"):
+        counts = [send.message.seq for step in steps for send in step.sends if send.channel == channel]
+        assert counts == list(range(10))
+
+
+def test_a_question_in_mid_move_changes_nothing() -> None:
+    controller, undisturbed = after(Verb.ARM, Verb.START), after(Verb.ARM, Verb.START)
+    run(controller, range(3), lambda k: 0.056)
+    assert replies(tell(controller, order(Verb.STATUS), T_START_NS + 11 * MS))[0].ok
+    assert (
+        xs(run(controller, range(3, 20), lambda k: 0.06))
+        == xs(run(undisturbed, range(20), lambda k: 0.056 if k < 3 else 0.06))[3:]
+    )
 
 
 def test_the_state_says_what_is_commanded_and_what_the_encoders_read_and_when() -> None:

@@ -41,9 +41,9 @@ def test_a_goal_is_reached_in_six_even_steps() -> None:
 
 def test_every_axis_moves_on_its_own() -> None:
     interpolator = Interpolator(T_START_NS, (1.0, 2.0, 3.0))
-    got = [interpolator.setpoint(t, (1.6, 1.4, 3.0)) for t in ticks(0, 5)]
-    np.testing.assert_allclose(got[2], (1.3, 1.7, 3.0), rtol=1e-12)
-    np.testing.assert_allclose(got[5], (1.6, 1.4, 3.0), rtol=1e-12)
+    got = [interpolator.setpoint(t, (1.6, 1.4, 2.4)) for t in ticks(0, 5)]
+    np.testing.assert_allclose(got[2], (1.3, 1.7, 2.7), rtol=1e-12)
+    np.testing.assert_allclose(got[5], (1.6, 1.4, 2.4), rtol=1e-12)
 
 
 def test_without_any_reference_it_stays_where_it_was_armed() -> None:
@@ -55,6 +55,13 @@ def test_a_reference_that_comes_inside_a_window_waits_for_the_next() -> None:
     before = run(interpolator, ticks(0, 0), at(0.006)) + run(interpolator, ticks(1, 5), at(0.1))
     np.testing.assert_allclose(before, [0.001, 0.002, 0.003, 0.004, 0.005, 0.006], rtol=1e-12)
     np.testing.assert_allclose(run(interpolator, ticks(6, 11), at(0.1))[-1], 0.1, rtol=1e-12)
+
+
+def test_windows_count_from_t_start_not_from_the_run_clock() -> None:
+    t_start_ns = T_START_NS + 10 * MS
+    interpolator = Interpolator(t_start_ns, HOME)
+    got = [interpolator.setpoint(t_start_ns + k * TICK_NS, at(0.006))[0] for k in range(6)]
+    np.testing.assert_allclose(got, [0.001, 0.002, 0.003, 0.004, 0.005, 0.006], rtol=1e-12)
 
 
 def test_of_three_references_in_a_window_only_the_newest_becomes_the_goal() -> None:

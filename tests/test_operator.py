@@ -88,6 +88,7 @@ def test_a_good_run_connects_arms_starts_watches_and_closes() -> None:
     assert said(starting) == to_all(Verb.START)
     t_start_ns = orders(starting)[0].t_start_ns
     assert {order.t_start_ns for order in orders(starting)} == {t_start_ns, hand.operator.t_start_ns}
+    assert [event.text for event in hand.operator.events] == [f"armed; t_start = {t_start_ns * 1e-9:.3f} s"]
     running = hand.all_reply()
     assert (hand.operator.stage, running.wake_ns) == (Stage.RUNNING, t_start_ns + DURATION_NS)
     assert hand.tick(t_start_ns + DURATION_NS - 1) == Step(wake_ns=t_start_ns + DURATION_NS)
@@ -188,6 +189,15 @@ def test_who_never_answers_is_named_with_the_last_word_heard() -> None:
     assert said(hand.tick(CONNECT_NS)) == to_all(Verb.ESTOP, ("controller", "streamer"))
     assert hand.operator.exit_code == 5
     assert hand.operator.reasons == ["connecting: no answer in time from controller (encoders are silent), streamer"]
+
+
+def test_the_time_to_connect_counts_from_the_first_question() -> None:
+    hand = Hand()
+    hand.operator.start(20 * S)
+    hand.tick(20 * S + CONNECT_NS - 1)
+    assert hand.operator.stage is Stage.CONNECTING
+    hand.tick(20 * S + CONNECT_NS)
+    assert hand.operator.stage is Stage.STOPPING
 
 
 @pytest.mark.parametrize("stage", [Stage.ARMING, Stage.STARTING])

@@ -93,11 +93,14 @@ def test_a_reply_and_every_kind_of_record_arrive_as_they_were_said(operator: Ope
     assert heard(operator, 5) == [(b"vision", REPLY), *((b"vision", Record(record)) for record in RECORDS)]
 
 
-def test_taps_and_pictures_arrive_with_their_bytes(operator: OperatorBus, vision: TaskBus) -> None:
+def test_taps_arrive_in_order_once_flushed_and_pictures_at_once(operator: OperatorBus, vision: TaskBus) -> None:
     vision.tap("angle", b"\0datagram")
-    assert heard(operator, 1) == [(b"", Tapped("angle", b"\0datagram", None))]
-    vision.picture("frame", b"head", b"")
-    assert heard(operator, 1) == [(b"", Tapped("frame", b"head", b""))]
+    vision.tap("frame", b"")
+    vision.flush_taps()
+    vision.flush_taps()  # nothing is left to send
+    assert heard(operator, 2) == [(b"", Tapped("angle", b"\0datagram", None)), (b"", Tapped("frame", b"", None))]
+    vision.picture("frame", b"head", b"pixels")
+    assert heard(operator, 1) == [(b"", Tapped("frame", b"head", b"pixels"))]
     assert (vision.dropped_taps, vision.dropped_pictures) == (0, 0)
 
 
@@ -108,8 +111,10 @@ def test_what_the_operator_cannot_follow_is_dropped_and_counted(context: Context
     task = TaskBus(context, "vision", nobody, nobody, nobody)
     for _ in range(8):
         task.tap("angle", b"")
+        task.tap("angle", b"")
+        task.flush_taps()
         task.picture("frame", b"", b"")
-    assert (task.dropped_taps, task.dropped_pictures) == (3, 6)  # pictures keep two
+    assert (task.dropped_taps, task.dropped_pictures) == (2 * 3, 6)  # pictures keep two
     task.close()
 
 
@@ -138,15 +143,16 @@ def test_what_is_not_said_in_our_words_is_passed_over(context: Context, operator
     stranger.close()
 
 
-@pytest.mark.parametrize("parts", [[b"angle"], [b"\xff", b""], [b"nothing", b""], [b"angle", b"", b"", b""], [b""]])
-@pytest.mark.parametrize("wire", ["taps", "pictures"])
-def test_a_tap_that_is_not_one_is_passed_over(context: Context, operator: OperatorBus, parts: list[bytes], wire: str) -> None:
-    stranger = context.socket(zmq.PUSH)
-    stranger.connect(getattr(operator, wire))
-    stranger.send_multipart(parts)
-    stranger.send_multipart([b"angle", b"good"])
-    assert heard(operator, 1) == [(b"", Tapped("angle", b"good", None))]
-    stranger.close()
+@pytest.mark.parametrize("parts", [[b""], [b"angle"], [b"\xff", b"", b""], [b"nothing", b"", b""]])
+def test_a_tap_that_is_not_one_is_passed_over(context: Context, operator: OperatorBus, parts: list[bytes]) -> None:
+    for address, good in ((operator.taps, [b"angle", b"good"]), (operator.pictures, [b"angle", b"good", b"pixels"])):
+        stranger = context.socket(zmq.PUSH)
+        stranger.connect(address)
+        stranger.send_multipart(parts)
+        stranger.send_multipart(good)
+        pixels = good[2] if len(good) == 3 else None
+        assert heard(operator, 1) == [(b"", Tapped("angle", b"good", pixels))]
+        stranger.close()
 
 
 def test_a_second_terminal_gets_its_answer(operator: OperatorBus) -> None:

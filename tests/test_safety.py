@@ -128,11 +128,19 @@ def test_a_few_late_ticks_in_a_calm_move_are_no_jump() -> None:
         assert gate.refusal(tick * 10 * MS, move[tick]) is None
 
 
-@pytest.mark.parametrize("step_ns", [0, -10 * MS])
-def test_a_reference_that_is_not_later_than_the_last_is_refused(step_ns: int) -> None:
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_move_at_the_bounds_passes_along_every_axis(axis: int) -> None:
+    turned = [(p[-axis], p[1 - axis], p[2 - axis]) for p in speeding_up(5.0, 1.0)]
+    assert max(place[axis] for place in turned) > 0.19
+    assert first_refusal(BOUNDS, turned) is None
+
+
+@pytest.mark.parametrize(("step_ns", "back_ms"), [(0, "0.0"), (-10 * MS, "10.0")])
+def test_a_reference_that_is_not_later_than_the_last_is_refused(step_ns: int, back_ms: str) -> None:
     gate = Gate(BOUNDS)
     assert gate.refusal(50 * MS, (0.0, 0.0, 0.0)) is None
-    assert "must be later" in str(gate.refusal(50 * MS + step_ns, (0.0, 0.0, 0.0)))
+    said = gate.refusal(50 * MS + step_ns, (0.0, 0.0, 0.0))
+    assert said == f"reference {back_ms} ms back in time; must be later than the one before"
 
 
 def test_a_refused_reference_leaves_no_trace_in_the_gate() -> None:

@@ -228,7 +228,7 @@ def test_start_is_refused_while_nobody_said_where_the_robot_is() -> None:
 
 @pytest.mark.parametrize(("age_ms", "ok"), [(100, True), (101, False)])
 def test_a_robot_state_may_be_100_ms_old_and_no_older(age_ms: int, ok: bool) -> None:
-    reply = start_with(robot_at(0.0), t_ns=age_ms * MS)
+    reply = start_with(robot_at(0.0), 50 * MS, (50 + age_ms) * MS)
     assert reply.ok is ok
     assert ok or f"is {age_ms} ms old" in reply.text
 
@@ -238,6 +238,10 @@ def test_a_start_in_the_past_is_refused_for_the_plan_would_begin_in_its_middle()
     reply = start_with(robot_at(0.0), late_ns, late_ns)
     assert not reply.ok
     assert "t_start is 250 ms past; must lie ahead" in reply.text
+
+
+def test_a_start_at_this_very_instant_is_taken() -> None:
+    assert start_with(robot_at(0.0), T_START_NS, T_START_NS).ok
 
 
 def test_a_plan_that_starts_outside_the_envelope_is_refused_at_start() -> None:
@@ -443,9 +447,13 @@ def test_a_hole_shorter_than_the_bound_is_ridden_through() -> None:
     assert [r for step in steps for r in replies(step)] == []
 
 
-def test_before_t_start_nobody_waits_for_an_angle() -> None:
+def test_a_camera_that_never_speaks_is_noticed_from_t_start_on() -> None:
     streamer = started(WATCHED)
-    assert replies(play(streamer, range(1))[0]) == []
+    assert [r for step in play(streamer, range(31)) for r in replies(step)] == []
+    (news,) = replies(play(streamer, range(31, 32))[0])
+    assert (news.exit, news.phase) == (5, Phase.STOPPED)
+    assert "no valid cable angle for 310 ms" in news.text
+    assert "no picture arrived" in news.text
 
 
 def test_settings_travel_as_json_and_a_position_counts_as_three_numbers() -> None:

@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 import zmq
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 
 from comms import frames, udp
 from comms.codec import Closing, Reject, encode
@@ -203,7 +203,7 @@ def test_what_is_not_a_head_and_its_pixels_is_refused(context: Context) -> None:
 
 
 @given(any_frame())
-@settings(suppress_health_check=[HealthCheck.too_slow])
+@settings(deadline=None)
 def test_head_and_pixels_become_the_picture_again(frame: Frame) -> None:
     data = memoryview(frame.pixels.tobytes())
     whole = with_pixels(msgspec.structs.replace(frame, pixels=np.empty((0, 0), np.uint8)), data)

@@ -201,13 +201,13 @@ def test_a_rolling_shutter_s_angle_is_true_when_the_last_rows_are_read(camera: C
 
 
 @pytest.mark.parametrize("verb", list(Verb))
-def test_every_order_is_answered_with_its_id_and_only_close_ends_the_task(verb: Verb) -> None:
+def test_every_order_is_answered_with_its_id_and_changes_nothing(verb: Verb) -> None:
     step = task().on_message("command", Command(seq=4, t_ns=1, id=77, to="vision", verb=verb), 5 * MS)
     (send,) = step.sends
     assert isinstance(send.message, Reply)
     assert (send.channel, send.at_ns) == ("reply", 5 * MS)
     assert (send.message.id, send.message.sender, send.message.ok) == (77, "vision", True)
-    assert step.exit == (0 if verb is Verb.CLOSE else None)
+    assert (step.wake_ns, step.exit) == (None, None)
 
 
 def test_the_task_has_no_timer_and_nothing_to_say_at_its_end() -> None:

@@ -199,8 +199,8 @@ def echoes(operator: Operator) -> tuple[Gate, list[RobotState], list[int], Closi
     gate, got, ages_ns = Gate("robot_state"), list[RobotState](), list[int]()
     for _ in range(LOOKS):
         select.select([operator.states], [], [], LOOK_MS / 1000)
-        now_ns = operator.clock.now_ns()
         for data in operator.states.drain():
+            now_ns = operator.clock.now_ns()
             said = decode("robot_state", data, SESSION)
             if isinstance(said, Closing):
                 return gate, got, ages_ns, said
@@ -314,6 +314,7 @@ def test_the_truth_goes_to_the_operator_and_into_the_ledger(bench_operator: Oper
 def test_a_task_whose_operator_vanishes_stops_and_leaves(operator: Operator, alone: None) -> None:
     operator.launch()
     operator.hears(Hello)
+    operator.bus.heartbeat("controller")
     operator.order(Verb.STATUS, 1)
     operator.hears(Reply)
     operator.bus.close()

@@ -51,9 +51,10 @@ def datagram(
     session: int = SESSION,
     seq: int = 0,
     t_ns: int = 0,
+    told: int = 0,
 ) -> bytes:
-    """A datagram whose length and CRC fit whatever is in it."""
-    size = HEADER_BYTES + len(payload) + CRC_BYTES
+    """A datagram whose CRC fits whatever is in it, and its length too unless another is told."""
+    size = told or HEADER_BYTES + len(payload) + CRC_BYTES
     body = struct.pack(HEADER, magic, version, WIRE[channel][0], size, flags, session, seq, t_ns) + payload
     return body + struct.pack("<I", zlib.crc32(body))
 

@@ -8,7 +8,8 @@ from typing import NamedTuple
 import cv2
 import msgspec
 
-from comms.messages import AngleSample, Command, Frame, Message, Phase, Reason, Reply, RobotState, Verb
+from comms.messages import AngleSample, Command, Frame, Message, Phase, Reason, RobotState
+from comms.replies import Replies
 from comms.task import NOTHING, Send, Step
 from vision.filters import MovingAverage
 from vision.geometry import PivotModel
@@ -58,8 +59,7 @@ class VisionTask:
         self._average = MovingAverage(settings.average_frames, int(GAP_PERIODS * settings.period_ns))
         self._platform: deque[PlatformPoint] = deque(maxlen=HISTORY)
         self._angles_sent = 0
-        self._replies_sent = 0
-        self.late_ticks = 0
+        self._replies = Replies(self.name)
         self.late_ticks = 0  # has no ticks
 
     def start(self, t_ns: int) -> Step:
@@ -76,7 +76,7 @@ class VisionTask:
                 at_ns = t_ns + self._settings.processing_ns
                 return Step((Send("angle", self._sample(message, at_ns), at_ns),))
             case Command():
-                return self._answer(message, t_ns)
+                return Step((self._replies.answer(message, Phase.RUNNING, t_ns),))  # looks as long as it lives
         return NOTHING
 
     def on_tick(self, t_ns: int) -> Step:
@@ -155,12 +155,6 @@ class VisionTask:
     def _readout_ns(self, frame: Frame) -> int:
         """How long after row 0 the slope of a picture read row by row is true: row_ns (height - pivot row), first order."""
         return round(frame.row_ns * (frame.height - self._settings.pivot_home_px[1]))
-
-    def _answer(self, command: Command, t_ns: int) -> Step:
-        """Vision looks as long as it lives: every order but CLOSE changes nothing and is answered ok."""
-        reply = Reply(seq=self._replies_sent, t_ns=t_ns, id=command.id, sender=self.name, ok=True, phase=Phase.RUNNING)
-        self._replies_sent += 1
-        return Step((Send("reply", reply, t_ns),), exit=0 if command.verb is Verb.CLOSE else None)
 
 
 def _hermite(a: PlatformPoint, b: PlatformPoint, t_ns: int) -> float:

@@ -86,7 +86,8 @@ def _summary(run: RunLog, fit: DecayFit | None, fit_failure: str) -> Summary:
         swing_fit_rms_rad=fit.residual_rms_rad if fit else None,
         complete=run.log.complete,
         loop_s=_number(stop.get("loop_s")),
-        cpu_s=_number(stop.get("cpu_s")),
+        cpu_share={name: float(share) for name, share in _pairs(stop, "cpu_share")},
+        scheduling=dict(_pairs(stop, "scheduling")),
         events=[f"{e.t_ns * 1e-9:8.3f} s  {e.level}: {e.text}" for e in run.events()],
     )
     _judge(summary, run, fit_failure)
@@ -264,6 +265,10 @@ def _doubts(s: Summary) -> list[str]:
 
 def _ms(seconds: float | None) -> float | None:
     return None if seconds is None else seconds * 1e3
+
+
+def _pairs(metadata: dict[str, str], key: str) -> list[tuple[str, str]]:
+    return [(name, value) for name, _, value in (word.partition("=") for word in metadata.get(key, "").split())]
 
 
 def _number(text: str | None) -> float | None:

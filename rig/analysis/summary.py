@@ -127,5 +127,6 @@ class Summary(msgspec.Struct, kw_only=True):
     swing_fit_rms_rad: float | None = None
     complete: bool = True
     loop_s: float | None = None
-    cpu_s: float | None = None
+    cpu_share: dict[str, float] = {}  # of one core, by process, while the run was under way; wall mode only
+    scheduling: dict[str, str] = {}  # fifo or other, by task; wall mode only
     events: list[str] = []

@@ -68,6 +68,12 @@ def _delays(s: Summary) -> str:
         f" ticks skipped: {', '.join(f'{k} {v}' for k, v in sorted(late.late_ticks.items())) or 'none logged'}",
         f"vision: {s.angles_valid} of {s.frames} frames gave an angle",
     ]
+    if s.cpu_share:
+        shares = ", ".join(f"{name} {share:.1%}" for name, share in s.cpu_share.items())
+        fifo = [name for name, policy in s.scheduling.items() if policy == "fifo"]
+        words.append(
+            f"processors: {sum(s.cpu_share.values()):.0%} of one core ({shares}); real-time: {', '.join(fifo) or 'none'}"
+        )
     if error.outside_move_rad is not None:
         inside = f"{error.during_move_rad * 1e3:.3f}" if error.during_move_rad is not None else "-"
         words.append(f"measured minus true swing: {inside} mrad rms in the move, {error.outside_move_rad * 1e3:.3f} outside")

@@ -10,7 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-from comms.clock import cpu_s, new_run_clock, stopwatch_s, utc_now
+from comms.clock import new_run_clock, stopwatch_s, utc_now
 from comms.link import LinkCount
 from comms.task import Task
 from rig import runs
@@ -46,7 +46,9 @@ def execute(job: Job, mode: Mode, folder: Path, progress: Progress) -> Outcome:
     recorder = Recorder(folder / runs.LOG, _start(job, mode, folder), job.attachments())
     rows: dict[str, LinkCount] = {}
     digest, code, reasons = None, FAULT, ["the run was cut off"]
-    began, began_cpu, end_ns = stopwatch_s(), cpu_s(), 0
+    began, end_ns = stopwatch_s(), 0
+    cpu_share: dict[str, float] = {}
+    scheduling: dict[str, str] = {}
     try:
         with Interrupts() as interrupts:
             if mode == "virtual":
@@ -57,8 +59,14 @@ def execute(job: Job, mode: Mode, folder: Path, progress: Progress) -> Outcome:
                     recorder.record(event, event.t_ns)
             else:
                 clock = new_run_clock()
-                rows = _wall(job, operator, recorder, progress, interrupts, clock, folder)
-                end_ns = clock.now_ns()
+                processes = ProcessRunner(
+                    job.settings, operator, clock, recorder, interrupts, lambda t_ns: progress(t_ns, operator), folder
+                )
+                e = job.experiment
+                rows = processes.run(
+                    e.network.bind, e.network.base_port, e.experiment.seed, dict(e.links), e.record.pictures_hz
+                )
+                end_ns, cpu_share, scheduling = clock.now_ns(), processes.cpu_share, processes.scheduling
         code, reasons = operator.exit_code, operator.reasons
     except Exception as error:
         reasons = [str(error)]
@@ -71,7 +79,8 @@ def execute(job: Job, mode: Mode, folder: Path, progress: Progress) -> Outcome:
             "reasons": "\n".join(reasons),
             "digest": digest or "",
             "loop_s": f"{loop_s:.4f}",
-            "cpu_s": f"{cpu_s() - began_cpu:.3f}",
+            "cpu_share": " ".join(f"{name}={share:.4f}" for name, share in cpu_share.items()),
+            "scheduling": " ".join(f"{name}={policy}" for name, policy in scheduling.items()),
             "utc": utc_now().isoformat(),
         }
         recorder.close(rows, stop, end_ns)
@@ -101,14 +110,6 @@ def make_task(name: str, settings: Any) -> Task:
 
         return VisionTask(settings)
     return Controller(settings) if name == "controller" else Streamer(settings)
-
-
-def _wall(
-    job: Job, operator: Operator, recorder: Recorder, progress: Progress, interrupts: Interrupts, clock: Any, folder: Path
-) -> dict[str, LinkCount]:
-    e = job.experiment
-    runner = ProcessRunner(job.settings, operator, clock, recorder, interrupts, lambda t_ns: progress(t_ns, operator), folder)
-    return runner.run(e.network.bind, e.network.base_port, e.experiment.seed, dict(e.links), e.record.pictures_hz)
 
 
 def _start(job: Job, mode: Mode, folder: Path) -> dict[str, str]:

@@ -8,18 +8,19 @@ import subprocess
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, NamedTuple
 
 import msgspec
 import zmq
 
 from comms.channels import CHANNELS, DATA
-from comms.clock import MonotonicClock
+from comms.clock import MonotonicClock, cpu_of_s
 from comms.codec import decode
 from comms.frames import with_pixels
 from comms.link import LinkCount, LinkFaults, settle
 from comms.messages import Command, Frame, Message, Reply
 from comms.operator_bus import Hello, OperatorBus, Record, Tapped
+from comms.priority import scheduling_of
 from comms.records import LinkRow
 from comms.runner import ADMISSION_NS, Wiring
 from comms.task import Step
@@ -29,7 +30,20 @@ from rig.operator import Operator, Stage
 from rig.recorder import Recorder
 from rig.runtime.interrupts import Interrupts
 
-PROCESSES = {"bench": "sim_rig", "controller": "rig.controller", "vision": "vision", "streamer": "rig.streamer"}
+
+class Process(NamedTuple):
+    """One row of the table: what is run, and whether a late wake of it would move the robot differently."""
+
+    module: str
+    realtime: bool
+
+
+PROCESSES = {
+    "bench": Process("sim_rig", True),
+    "controller": Process("rig.controller", True),
+    "vision": Process("vision", False),
+    "streamer": Process("rig.streamer", True),
+}
 BUS_PORTS = 3  # base_port .. base_port + 2 are the operator's, the channels follow
 HEARTBEAT_NS = 500_000_000
 LOOK_MS = 20  # between looks at children, interrupts and the clock
@@ -62,6 +76,8 @@ class ProcessRunner:
         self._logged = 0  # operator's events written
         self._rows: dict[tuple[str, str], LinkCount] = {}
         self._wake_ns: int | None = 0
+        self.scheduling: dict[str, str] = {}  # what each task got of the real-time place it asked for
+        self.cpu_share: dict[str, float] = {}  # of one core, from the first heartbeat to the close order
         self._beat_ns = 0
 
     def run(
@@ -86,9 +102,13 @@ class ProcessRunner:
             self._announce()
             self._spawn(wiring)
             self._admit()
-            self._carry_out(self._operator.start(self._clock.now_ns()))
+            began_ns, used_s = self._clock.now_ns(), self._cpu_s()
+            self._carry_out(self._operator.start(began_ns))
             while self._operator.stage is not Stage.CLOSED:
                 self._look()
+            span_s = (self._clock.now_ns() - began_ns) * 1e-9
+            self.scheduling = {name: scheduling_of(child.pid) for name, child in self._children.items()}
+            self.cpu_share = {name: (used - used_s[name]) / span_s for name, used in self._cpu_s().items()}
             self._let_leave()
         finally:
             self._end_children()
@@ -96,6 +116,10 @@ class ProcessRunner:
             self._bus.close()
             context.term()
         return self._settle()
+
+    def _cpu_s(self) -> dict[str, float]:
+        own = {"operator": cpu_of_s(os.getpid())}
+        return own | {name: cpu_of_s(child.pid) for name, child in self._children.items()}
 
     def _announce(self) -> None:
         """Where `rig stop` finds this run."""
@@ -107,14 +131,15 @@ class ProcessRunner:
             words: IO[bytes] = (self._folder / f"{name}.log").open("wb")
             with words:
                 child = subprocess.Popen(
-                    [sys.executable, "-P", "-m", PROCESSES[name]],
+                    [sys.executable, "-P", "-m", PROCESSES[name].module],
                     stdin=subprocess.PIPE,
                     stderr=words,
                     env=os.environ | ONE_THREAD,
                 )
             self._children[name] = child
             assert child.stdin is not None
-            child.stdin.write(msgspec.json.encode({"wiring": wiring, "settings": settings}))
+            own = msgspec.structs.replace(wiring, realtime=PROCESSES[name].realtime)
+            child.stdin.write(msgspec.json.encode({"wiring": own, "settings": settings}))
             child.stdin.close()
 
     def _admit(self) -> None:

@@ -104,7 +104,7 @@ class VirtualRunner:
         return self._hash.hexdigest()
 
     def _carry_out(self, name: str, step: Step) -> None:
-        if step.wake_ns is not None:
+        if step.wake_ns is not None and step.wake_ns != self._wake.get(name):
             self._wake[name] = step.wake_ns
             heapq.heappush(self._queue, (step.wake_ns, self._rank[name], 0, name, None))
         for channel, message, at_ns in step.sends:
