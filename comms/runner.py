@@ -53,7 +53,7 @@ class Wiring(msgspec.Struct, frozen=True, kw_only=True):
     pictures: str
     faults: dict[str, LinkFaults] = {}
     pictures_hz: float = 2.0
-    realtime: bool = False  # ask for SCHED_FIFO
+    priority: int = 0  # SCHED_FIFO to ask for, 1..99; 0 = ordinary
 
 
 def main(build: Callable[[bytes], Task]) -> int:
@@ -62,6 +62,7 @@ def main(build: Callable[[bytes], Task]) -> int:
     parts = msgspec.json.decode(sys.stdin.buffer.read(), type=dict[str, msgspec.Raw])
     wiring = msgspec.json.decode(parts["wiring"], type=Wiring)
     task = build(bytes(parts["settings"]))
+    take_priority(wiring.priority)  # before any thread is started: those of ZeroMQ carry the pictures
     try:
         runner = WallRunner(task, wiring, MonotonicClock(wiring.zero_ns))
     except CommsError as error:
@@ -96,8 +97,6 @@ class WallRunner:
         gc.freeze()
         if not self._admitted():
             return self._abandon()
-        if self._wiring.realtime:
-            take_priority()
         now = self._clock.now_ns()
         self._operator_ns = now
         self._carry_out(self._task.start(now))

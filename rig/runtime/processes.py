@@ -32,17 +32,17 @@ from rig.runtime.interrupts import Interrupts
 
 
 class Process(NamedTuple):
-    """One row of the table: what is run, and whether a late wake of it would move the robot differently."""
+    """One row of the table: what is run, and the real-time priority asked for, ordered as in the source's controller."""
 
     module: str
-    realtime: bool
+    priority: int
 
 
 PROCESSES = {
-    "bench": Process("sim_rig", True),
-    "controller": Process("rig.controller", True),
-    "vision": Process("vision", False),
-    "streamer": Process("rig.streamer", True),
+    "bench": Process("sim_rig", 25),
+    "controller": Process("rig.controller", 30),
+    "vision": Process("vision", 10),
+    "streamer": Process("rig.streamer", 20),
 }
 BUS_PORTS = 3  # base_port .. base_port + 2 are the operator's, the channels follow
 HEARTBEAT_NS = 500_000_000
@@ -138,7 +138,7 @@ class ProcessRunner:
                 )
             self._children[name] = child
             assert child.stdin is not None
-            own = msgspec.structs.replace(wiring, realtime=PROCESSES[name].realtime)
+            own = msgspec.structs.replace(wiring, priority=PROCESSES[name].priority)
             child.stdin.write(msgspec.json.encode({"wiring": own, "settings": settings}))
             child.stdin.close()
 
