@@ -63,7 +63,7 @@ class LinkCount(msgspec.Struct, kw_only=True):
     sent: int = 0
     delivered: int = 0  # accepted, late ones among them
     lost_link: int = 0  # by the link model
-    lost_kernel: int = 0  # put on the wire, never read
+    lost_kernel: int = 0  # by the kernel's own count: no room in the receiver's buffer
     lost_queue: int = 0  # the sender's queue was full
     duplicated: int = 0
     late: int = 0
@@ -85,15 +85,13 @@ class LinkCount(msgspec.Struct, kw_only=True):
 
 
 def settle(sender: LinkCount, receiver: LinkCount) -> LinkCount:
-    """One row from its two ends: what was put on the wire and never read is the kernel's loss."""
-    on_wire = sender.sent - sender.lost_link - sender.lost_queue
-    read = receiver.delivered + sum(receiver.rejected.values())
+    """One row from its two ends: each counts what it knows, so whatever nobody counted stays unexplained."""
     return LinkCount(
         sent=sender.sent,
         delivered=receiver.delivered,
         lost_link=sender.lost_link,
         lost_queue=sender.lost_queue,
-        lost_kernel=max(0, on_wire - read),
+        lost_kernel=receiver.lost_kernel,
         duplicated=receiver.duplicated,
         late=receiver.late,
         rejected=dict(receiver.rejected),

@@ -323,6 +323,8 @@ class _In:
                 taken.append(message)
             elif isinstance(got, Closing):
                 self.closed = True
+        if isinstance(self.endpoint, UdpReceiver):
+            self.count.lost_kernel = self.endpoint.kernel_drops
         return taken
 
 

@@ -144,6 +144,7 @@ def test_the_ledger_balances_whatever_became_of_the_packets(packets: list[str]) 
         receiver.delivered += fate in ("delivered", "late", "copied")
         receiver.late += fate == "late"
         receiver.duplicated += fate == "copied"
+        receiver.lost_kernel += fate == "lost_kernel"
         if fate in ("crc", "old"):
             receiver.reject(fate)
     row = settle(sender, receiver)

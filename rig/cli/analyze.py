@@ -35,7 +35,7 @@ def analyze(
         print_json(analysis.summary)
     else:
         print_summary(analysis.summary)
-        out.print(f"[bold]{analysis.run.log.path}[/bold]", soft_wrap=True)
+        out.print(f"[bold]{analysis.run.log.path}[/bold]")
     return analysis.summary.exit_code
 
 

@@ -68,5 +68,5 @@ def offsets(
     out.print(
         f"pivot at home ({found.pivot_home_px[0]:.2f}, {found.pivot_home_px[1]:.2f}) px{row}, {found.pixels_per_m:.2f} px/m"
     )
-    out.print(f"[bold]{path}[/bold]  use it with --set vision.calibration={path}", soft_wrap=True)
+    out.print(f"[bold]{path}[/bold]  use it with --set vision.calibration={path}")
     return 0

@@ -12,8 +12,8 @@ from rich.table import Table
 
 from rig.analysis.summary import QUANTITIES, LinkSummary, Quantities, Summary
 
-out = Console(highlight=False)
-err = Console(stderr=True, highlight=False)
+out = Console(highlight=False, soft_wrap=True)
+err = Console(stderr=True, highlight=False, soft_wrap=True)
 
 COLOUR = {"good": "green", "doubtful": "yellow", "bad": "red"}
 

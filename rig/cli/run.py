@@ -84,7 +84,7 @@ def _run_one(chosen: config.Experiment, mode: str, runs: Path, quiet: bool, repo
             f"{simulated / ran.outcome.loop_s:.1f} x real time), analysis {analysed - ended:.2f} s, "
             f"report {stopwatch_s() - analysed:.2f} s"
         )
-        out.print(f"[bold]{ran.folder}[/bold]  run.mcap" + ("  report.html" if report else ""), soft_wrap=True)
+        out.print(f"[bold]{ran.folder}[/bold]  run.mcap" + ("  report.html" if report else ""))
     return analysis.summary
 
 
