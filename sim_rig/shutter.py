@@ -34,9 +34,13 @@ class Shutter:
         self._period_ns = round(1e9 / params.view.rate_hz)
         self._pinhole = Pinhole(params.camera, params.view, params.home_m)
         self._renderer = Renderer(params.camera, params.view, params.seed)
-        self._start_ns = self.next_ns = t_ns + -t_ns % self._period_ns
         self._taken = 0
         self._seen: list[tuple[CableLine | None, float]] = []  # line and angle at start, middle, end
+        self.begin(t_ns)
+
+    def begin(self, t_ns: int) -> None:
+        """The first exposure starts on the first multiple of the frame period from t_ns on."""
+        self._start_ns = self.next_ns = t_ns + -t_ns % self._period_ns
 
     @property
     def closes_ns(self) -> int:

@@ -31,7 +31,7 @@ class BenchTask:
         self.late_ticks = 0  # encoder readings that were skipped because a newer one was due
         self._params = params
         self._bench = Bench(params)
-        self._shutter: Shutter | None = None
+        self._shutter = Shutter(params) if params.view.rate_hz > 0.0 else None  # draws its noisy screens once, here
         self._tick_ns = 0
         self._setpoints: deque[tuple[int, Position]] = deque()  # arrived, not yet in force: only while catching up
         self._aim_m = params.start_m
@@ -42,8 +42,8 @@ class BenchTask:
     def start(self, t_ns: int) -> Step:
         """Release the load; a grid instant at t_ns itself is served at once."""
         self._bench = Bench(self._params, t_ns)
-        if self._params.view.rate_hz > 0.0:
-            self._shutter = Shutter(self._params, t_ns)
+        if self._shutter is not None:
+            self._shutter.begin(t_ns)
         self._tick_ns = t_ns + -t_ns % TICK_NS
         return self.on_tick(t_ns)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import enum
 import math
+import operator
 from dataclasses import dataclass
 
 import cv2
@@ -29,7 +30,7 @@ from vision.line_fit import (
     huber_line,
     refined_columns,
     row_offsets,
-    windows,
+    runs,
 )
 from vision.ridge import CLEAR_ROWS, FLANK_PX, SLOPE_LIMIT, Levels, grey_levels, search, thinness
 
@@ -39,12 +40,16 @@ RIDGE_SIGMAS = 3.0  # thinness that counts as dark; noise alone passes in 1 pixe
 STIFF_SIGMAS = 3.0  # a row flatter than this holds no cable
 COARSE_REACH_PX = 3.0  # a wide, blurred cable is flat at its bottom
 BORDER_PX = REACH_PX + len(GROUP)  # columns the template needs, and a group of rows at 45 degrees
+NEWTON_STEPS = 2  # of all rows; a line that still moves, or that other rows disagree with, goes through the strip
+SETTLED_PX = 0.15  # a last step shorter than this leaves an error below 0.001 px
+DIRECT_SHARE = 0.8  # of the rows below the pivot must see one cable
 NEWTON_REACH_PX = 1.5  # beyond, the template sees another slope of the profile
 PIVOT_REACH_PX = 5.0  # a line that misses the predicted pivot by more is not the cable
 ROWS_SHARE = 0.12  # of the picture's height; fewer rows are too short a lever
 SCATTER_PX = 0.3  # rows that agree this well are never a poor fit,
 SCATTER_SIGMAS = 3.0  # nor rows that agree as well as the noise lets them
 MIN_SIZE_PX = 64
+CONTINUED = ((), (1.0,), (2.0, -1.0), (3.0, -3.0, 1.0))  # weights of the last angles in the next, newest first
 
 
 class Reason(enum.Enum):
@@ -79,7 +84,7 @@ class Fit:
 
 
 class Tracker:
-    """Angle of the cable from pictures of one size; remembers two angles to know where to look next."""
+    """Angle of the cable from pictures of one size; remembers three angles to know where to look next."""
 
     def __init__(self, width: int, height: int) -> None:
         if min(width, height) < MIN_SIZE_PX:
@@ -87,6 +92,7 @@ class Tracker:
                 f"picture of {width} x {height} px; need at least {MIN_SIZE_PX} each way: check the camera's settings"
             )
         self.width, self.height = width, height
+        self._every = np.arange(height)
         self._rows = np.arange(0, height - len(GROUP) + 1, len(GROUP))
         self._lines = np.arange(len(self._rows))
         distance = np.abs(np.arange(STRIP_PX) - STRIP_PX // 2)
@@ -97,12 +103,13 @@ class Tracker:
 
     def forget(self) -> None:
         """Search the whole next picture."""
-        self._last: tuple[float, float, float] | None = None  # angle [rad], change a picture [rad], pivot miss [px]
+        self._angles_rad: tuple[float, ...] = ()  # newest first
+        self._miss_px = 0.0  # of the pivot
 
     def measure(self, image: Grey, pivot_px: tuple[float, float], predicted_angle_rad: float | None = None) -> Fit:
         """Angle of the cable in image (height, width) uint8, whose upper end should be at pivot_px = (u, v).
 
-        Without predicted_angle_rad the last two angles are continued at constant velocity. Never raises on a picture:
+        Without predicted_angle_rad the last angles are continued at constant acceleration. Never raises on a picture:
         one of another size or type is refused as BAD_IMAGE.
         """
         if image.shape != (self.height, self.width) or image.dtype != np.uint8:
@@ -114,24 +121,24 @@ class Tracker:
         fit = self._along(image, levels, expected, pivot_px) if expected else None
         if fit is None or not fit.valid:
             fit = self._anywhere(image, levels, pivot_px)
+            self._angles_rad = self._angles_rad[:1]  # a jump is no acceleration
         self._remember(fit)
         return fit
 
     def _expected(self, pivot_px: tuple[float, float], angle_rad: float | None) -> Line | None:
-        last_angle, change, miss = self._last or (None, 0.0, 0.0)
         if angle_rad is None:
-            if last_angle is None:
+            if not self._angles_rad:
                 return None
-            angle_rad = last_angle + change
+            angle_rad = sum(map(operator.mul, self._angles_rad, CONTINUED[len(self._angles_rad)]))
         slope = math.tan(angle_rad)
-        return Line(pivot_px[0] + miss - slope * pivot_px[1], slope)
+        return Line(pivot_px[0] + self._miss_px - slope * pivot_px[1], slope)
 
     def _remember(self, fit: Fit) -> None:
         if fit.angle_rad is None or fit.pivot_miss_px is None:
             self.forget()
             return
-        change = fit.angle_rad - self._last[0] if self._last else 0.0
-        self._last = fit.angle_rad, change, fit.pivot_miss_px
+        self._angles_rad = (fit.angle_rad, *self._angles_rad[:2])
+        self._miss_px = fit.pivot_miss_px
 
     def _anywhere(self, image: Grey, levels: Levels, pivot_px: tuple[float, float]) -> Fit:
         candidate = search(image, pivot_px, RIDGE_SIGMAS * levels.noise)
@@ -142,6 +149,29 @@ class Tracker:
         return _refused(Reason.AMBIGUOUS, levels) if fit.valid and candidate.rivalled else fit
 
     def _along(self, image: Grey, levels: Levels, near: Line, pivot_px: tuple[float, float]) -> Fit:
+        """The line that is near already, in nearly every picture; else whatever crosses the strip about it."""
+        fit = self._direct(image, levels, near, pivot_px)
+        return fit if fit and fit.valid else self._through_strip(image, levels, near, pivot_px)
+
+    def _direct(self, image: Grey, levels: Levels, line: Line, pivot_px: tuple[float, float]) -> Fit | None:
+        """Newton steps of every row from line; None unless nearly all rows agree on a line that stays."""
+        v = self._every[max(0, math.floor(pivot_px[1]) + CLEAR_ROWS + 1) :]
+        if len(v) < MIN_ROWS:
+            return None
+        for _ in range(NEWTON_STEPS):
+            ends = line.at(float(v[0])), line.at(self.height - 1.0)
+            if min(ends) <= BORDER_PX or max(ends) >= self.width - 1 - BORDER_PX:
+                return None
+            fit = self._fitted(image, levels, v, line)
+            if fit is None or fit.rows < DIRECT_SHARE * len(v):
+                return None
+            moved = abs(fit.line.at(float(v[0])) - ends[0]), abs(fit.line.at(self.height - 1.0) - ends[1])
+            if max(moved) < SETTLED_PX:
+                return self._verdict(fit, levels, pivot_px)
+            line = fit.line
+        return None
+
+    def _through_strip(self, image: Grey, levels: Levels, near: Line, pivot_px: tuple[float, float]) -> Fit:
         """Coarse line through the darkest points of the strip about near, a Newton step on the picture, verdict."""
         v, u = self._dark_points(image, near, pivot_px[1], RIDGE_SIGMAS * levels.noise)
         if len(v) < MIN_ROWS:
@@ -151,19 +181,25 @@ class Tracker:
             return _refused(Reason.NO_CABLE, levels)
         x = line.at(v)
         close = (np.abs(u - x) < COARSE_REACH_PX) & (x > BORDER_PX) & (x < self.width - 1 - BORDER_PX)
-        v = (v[close, None] + GROUP).ravel()
+        fit = self._fitted(image, levels, (v[close, None] + GROUP).ravel(), line)
+        return self._verdict(fit, levels, pivot_px) if fit else _refused(Reason.FEW_ROWS, levels)
+
+    def _fitted(self, image: Grey, levels: Levels, v: Rows, line: Line) -> LineFit | None:
+        """A Newton step on the picture in rows v (N,) from line; None if too few of them see a cable."""
         offsets = row_offsets(image, v, line.at(v))
         good = (np.abs(offsets.offset_px) < NEWTON_REACH_PX) & (offsets.stiffness > STIFF_SIGMAS * CURVE_NORM * levels.noise)
-        if np.count_nonzero(good) < MIN_ROWS:
-            return _refused(Reason.FEW_ROWS, levels)
-        kept = RowOffsets(offsets.offset_px[good], offsets.stiffness[good])
-        return self._verdict(huber_line(v[good].astype(np.float64), kept, line), levels, pivot_px)
+        count = np.count_nonzero(good)
+        if count < MIN_ROWS:
+            return None
+        if count < len(v):
+            v, offsets = v[good], RowOffsets(offsets.offset_px[good], offsets.stiffness[good])
+        return huber_line(v.astype(np.float64), offsets, line)
 
     def _dark_points(self, image: Grey, near: Line, pivot_v: float, threshold: float) -> tuple[Rows, Floats]:
         """One row in four (N,) where something thin and dark crosses the strip, and its columns (N,) to 0.1 px."""
         start = np.rint(near.at(self._rows)).astype(np.intp) - STRIP_PX // 2
         start = np.minimum(np.maximum(start, 0), self.width - STRIP_PX)
-        strip = windows(image, STRIP_PX)[self._rows, start].view(np.uint8)
+        strip = runs(image, self._rows * self.width + start, STRIP_PX)
         response = cv2.multiply(thinness(strip.reshape(1, -1)).reshape(self._shade.shape), self._shade, scale=1.0 / 255.0)
         column = response.argmax(axis=1)
         dark = (response[self._lines, column] > threshold) & (self._rows > pivot_v + CLEAR_ROWS)

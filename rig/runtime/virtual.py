@@ -117,7 +117,7 @@ class VirtualRunner:
                 self._call("reply", "operator", message, at_ns)
             else:
                 self._truths += 1
-                self._log(channel, message, self.t_ns)
+                self._log(channel, CHANNELS[channel].id, message)
 
     def _order(self, command: Command) -> None:
         if command.verb is Verb.CLOSE:
@@ -135,7 +135,7 @@ class VirtualRunner:
 
     def _send(self, channel: str, link: _Link, message: Message, at_ns: int) -> None:
         link.sender.sent += 1
-        self._log(channel, message, self.t_ns)
+        self._log(channel, link.id, message)
         delay_ns = link.model.delay_ns(message.seq) if link.model else 0
         if delay_ns is None:
             link.sender.lost_link += 1
@@ -150,15 +150,15 @@ class VirtualRunner:
         if taken is not None and link.receiver not in self._closed:
             self._carry_out(link.receiver, self._tasks[link.receiver].on_message(channel, message, self.t_ns))
 
-    def _log(self, channel: str, message: Message, log_ns: int) -> None:
+    def _log(self, channel: str, channel_id: int, message: Message) -> None:
         crc32 = 0
         if isinstance(message, Frame):
             crc32 = zlib.crc32(message.pixels.data)
             if self._picture_every_ns and message.t_ns >= self._picture_ns:
                 self._picture_ns = message.t_ns + self._picture_every_ns
-                self._recorder.picture(message, log_ns)
-        self._hash.update(_STAMP.pack(log_ns, CHANNELS[channel].id) + encode(channel, message, crc32))
-        self._recorder.message(channel, message, log_ns, crc32)
+                self._recorder.picture(message, self.t_ns)
+        self._hash.update(_STAMP.pack(self.t_ns, channel_id) + encode(channel, message, crc32))
+        self._recorder.message(channel, message, self.t_ns, crc32)
 
     def _flush(self, channel: str, link: _Link) -> None:
         self._recorder.record(Receipts(channel=channel, rows=link.receipts), self.t_ns)
