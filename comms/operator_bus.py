@@ -17,7 +17,7 @@ from comms.errors import PortInUse
 from comms.messages import Command, Reply
 from comms.records import Event, LinkRow, Receipts, Timing
 
-TAP_HIGH_WATER = 1000  # batches, each of up to 25 ms of a task's messages
+TAP_HIGH_WATER = 1000  # batches, each of up to 50 ms of a task's messages
 PICTURE_HIGH_WATER = 2  # pictures are the first to be dropped
 LINGER_MS = 1000
 Context = zmq.Context[zmq.Socket[bytes]]

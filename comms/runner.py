@@ -32,7 +32,7 @@ from comms.udp import UdpReceiver, UdpSender
 MS = 1_000_000  # ns
 LONGEST_WAIT_NS = 50 * MS  # the edge of a ZeroMQ descriptor can be missed; look again then
 RECORD_EVERY_NS = 250 * MS
-TAP_EVERY_NS = 25 * MS  # taps leave together: a message each would wake the operator a thousand times a second
+TAP_EVERY_NS = 50 * MS  # taps leave together: a message each would wake the operator a thousand times a second
 DRAIN_NS = 200 * MS  # after the last send, beyond the link's own delay
 OPERATOR_SILENT_NS = 3_000 * MS
 ADMISSION_NS = 30_000 * MS  # the slowest task's imports on a busy machine
@@ -80,7 +80,8 @@ class WallRunner:
         self._out = {name: _Out(name, wiring, self._context) for name in sent_by(task.name)}
         self._in = {name: _In(name, wiring, self._context) for name in received_by(task.name)}
         self._bus = TaskBus(self._context, task.name, wiring.commands, wiring.taps, wiring.pictures)
-        self._listening: list[Any] = [*self._in.values(), self._bus]
+        ends: list[Any] = [*self._in.values(), self._bus]
+        self._listening = {end.fileno(): end for end in ends}
         self._told: dict[str, LinkCount] = {}  # channels that end at the operator
         self._outbox: list[tuple[int, int, _Out, Frame | bytes]] = []  # due_ns, order, channel, what leaves
         self._order = 0
@@ -132,11 +133,11 @@ class WallRunner:
             due = min(due, self._wake_ns)
         if self._outbox:
             due = min(due, self._outbox[0][0])
-        ready: list[Any] = select.select(self._listening, [], [], max(0, due - now) * 1e-9)[0]
+        ready = select.select(self._listening, [], [], max(0, due - now) * 1e-9)[0]
         if now >= self._look_ns:
             self._look_ns = now + LONGEST_WAIT_NS
-            return self._listening
-        return ready
+            return list(self._listening.values())
+        return [self._listening[descriptor] for descriptor in ready]
 
     def _pass(self, ready: list[Any]) -> None:
         now = self._clock.now_ns()

@@ -12,6 +12,7 @@ from sim_rig.bench import Bench
 from sim_rig.params import BenchParams
 from sim_rig.shutter import Exposure, Shutter
 
+SERVO_NS = 1 * MS  # digital servos look for a new setpoint this often: when within a millisecond it came is all the same
 TICK_NS = 5 * MS  # encoders are read on this grid of the run clock
 TRUTH_NS = 10 * MS  # a multiple of TICK_NS
 CATCH_UP_NS = 250 * MS  # most rig time made up in one call, to bound its pictures; the next wake follows at once
@@ -22,7 +23,7 @@ class BenchTask:
     """comms.task.Task: robot, load and camera behind the wire.
 
     The world stands still until `start`, which releases the load at rest from its initial swing. Physics stops only at grid
-    instants, exposures and arrivals of setpoints, so what happens does not depend on when the task is woken.
+    instants, exposures and looks of the servos, so what happens does not depend on when the task is woken.
     """
 
     name = "bench"
@@ -33,7 +34,7 @@ class BenchTask:
         self._bench = Bench(params)
         self._shutter = Shutter(params) if params.view.rate_hz > 0.0 else None  # draws its noisy screens once, here
         self._tick_ns = 0
-        self._setpoints: deque[tuple[int, Position]] = deque()  # arrived, not yet in force: only while catching up
+        self._setpoints: deque[tuple[int, Position]] = deque()  # (in force from, position): arrived, not yet seen by the servos
         self._aim_m = params.start_m
         self._phase = Phase.IDLE
         self._sent: Counter[str] = Counter()
@@ -48,14 +49,14 @@ class BenchTask:
         return self.on_tick(t_ns)
 
     def on_message(self, channel: str, message: Message, t_ns: int) -> Step:
-        """A setpoint takes effect on arrival; a command is answered. The world heeds no stop."""
+        """A setpoint takes effect at the servos' next look; a command is answered. The world heeds no stop."""
         if isinstance(message, Setpoint):
             self._phase = Phase.RUNNING
             if message.position_m == self._aim_m:  # holding: nothing to stop the physics for
                 return NOTHING
             self._aim_m = message.position_m
-            self._setpoints.append((t_ns, message.position_m))
-            return self.on_tick(t_ns)
+            self._setpoints.append((t_ns - t_ns % SERVO_NS + SERVO_NS, message.position_m))
+            return NOTHING
         if isinstance(message, Command):
             return Step([self._replies.answer(message, self._phase, t_ns, f"{self.late_ticks} late ticks")])
         return NOTHING

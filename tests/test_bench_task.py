@@ -1,4 +1,4 @@
-"""The bench as a task: stamps on their grids, setpoints at their arrival, and nothing lost when it is woken late."""
+"""The bench as a task: stamps on their grids, setpoints at the servos' next look, and nothing lost when it is woken late."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def test_a_frame_says_how_it_was_taken() -> None:
 def test_readings_and_truth_are_the_bench_at_their_stamps() -> None:
     sends = run(BenchTask(BLIND), [5 * MS, 10 * MS, 20 * MS, 30 * MS], [(7 * MS + 1, 0.01)])
     world = Bench(BLIND)
-    world.advance(7 * MS + 1)
+    world.advance(8 * MS)  # the servos' next look
     world.setpoint((0.01, 0.0, 0.0))
     for truth in messages(sends, "truth")[1:]:
         assert isinstance(truth, Truth)
@@ -111,6 +111,12 @@ def test_what_happens_does_not_depend_on_when_the_task_is_woken(wakes_ns: list[i
         assert facts(got, channel) == facts(expected, channel)
     assert punctual.late_ticks == 0
     assert sleepy.late_ticks == len(messages(expected, "joint_state")) - len(messages(got, "joint_state"))
+
+
+def test_setpoints_that_arrive_within_one_millisecond_of_each_other_move_the_robot_alike() -> None:
+    early = run(BenchTask(BLIND), range(5 * MS, 101 * MS, 5 * MS), [(20 * MS, 0.01), (55 * MS, 0.02)])
+    later = run(BenchTask(BLIND), range(5 * MS, 101 * MS, 5 * MS), [(20 * MS + 999_999, 0.01), (55 * MS + 1, 0.02)])
+    assert facts(early, "truth") == facts(later, "truth")
 
 
 def test_a_late_wake_sends_only_the_newest_reading_and_counts_the_rest() -> None:
@@ -184,7 +190,7 @@ def test_the_picture_shows_the_platform_and_the_angle_of_mid_exposure() -> None:
         centroid = (dark * np.arange(640)).sum(axis=1) / dark.sum(axis=1)
         world = Bench(params)
         if frame.t_exposure_start_ns >= 50 * MS:
-            world.advance(50 * MS)
+            world.advance(51 * MS)
             world.setpoint((0.1, 0.0, 0.0))
         world.advance(frame.t_exposure_start_ns + 5 * MS)
         slope, pivot = np.polyfit(np.arange(480) + 40.0, centroid, 1)

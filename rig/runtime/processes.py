@@ -46,7 +46,8 @@ PROCESSES = {
 }
 BUS_PORTS = 3  # base_port .. base_port + 2 are the operator's, the channels follow
 HEARTBEAT_NS = 500_000_000
-LOOK_MS = 20  # between looks at children, interrupts and the clock
+LOOK_MS = 20  # longest wait for words, interrupts and the clock
+GLANCE_NS = 100_000_000  # between glances at children, disk and screen
 LEAVE_NS = 3_000_000_000  # for children to drain and report after the close order
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
@@ -78,7 +79,7 @@ class ProcessRunner:
         self._wake_ns: int | None = 0
         self.scheduling: dict[str, str] = {}  # what each task got of the real-time place it asked for
         self.cpu_share: dict[str, float] = {}  # of one core, from the first heartbeat to the close order
-        self._beat_ns = 0
+        self._beat_ns = self._glance_ns = 0
 
     def run(
         self, host: str, base_port: int, seed: int, faults: dict[str, LinkFaults], pictures_hz: float
@@ -161,11 +162,13 @@ class ProcessRunner:
         if self._wake_ns is not None and now >= self._wake_ns:
             self._wake_ns = None
             self._carry_out(self._operator.on_tick(now))
-        self._beat(now)
         self._heed_interrupts(now)
-        self._miss_the_dead(now)
-        self._recorder.tick(now)
-        self._progress(now)
+        if now >= self._glance_ns:
+            self._glance_ns = now + GLANCE_NS
+            self._beat(now)
+            self._miss_the_dead(now)
+            self._recorder.tick(now)
+            self._progress(now)
 
     def _hear(self) -> None:
         for who, said in self._bus.drain():
@@ -231,9 +234,11 @@ class ProcessRunner:
         self._heard = self._interrupts.count
 
     def _miss_the_dead(self, now: int) -> None:
+        if self._operator.stage is Stage.CLOSED:
+            return
         for name, child in self._children.items():
             code = child.poll()
-            if code is not None and name not in self._gone and self._operator.stage is not Stage.CLOSED:
+            if code is not None and name not in self._gone:
                 self._gone.add(name)
                 words = self._last_words(name)
                 if code == REFUSED:
