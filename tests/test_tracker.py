@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.rendered_cable import HEIGHT, PIVOT_PX, WIDTH, Camera, Floats, Grey, Scene, stripe
 from vision.errors import VisionError
+from vision.line_fit import Line, RowOffsets, coarse_line, huber_line, row_offsets
+from vision.ridge import search
 from vision.tracker import Fit, Reason, Tracker
 
 MRAD = 1e-3
@@ -82,6 +85,86 @@ def test_the_cable_is_followed_while_platform_and_cable_move_during_the_exposure
     assert np.abs(errors).max() < 0.1 * MRAD
 
 
+def test_without_noise_the_line_meets_the_pivot() -> None:
+    camera = Camera(seed=2, noise=0.0)
+    for angle in np.radians(np.linspace(-20.0, 20.0, 9)):
+        fit = cold(camera.expose(Scene(angle_rad=float(angle)).light()))
+        assert fit.pivot_miss_px == pytest.approx(0.0, abs=0.005)
+
+
+def test_rows_that_lie_elsewhere_hardly_change_the_line_and_its_sigma() -> None:
+    rng, v = np.random.default_rng(3), np.arange(480.0)
+    offset = 0.1 + 2e-4 * v + 0.03 * rng.standard_normal(480)
+    stiffness = np.full(480, 50.0)
+    clean = huber_line(v, RowOffsets(offset, stiffness), Line(300.0, 0.1))
+    offset[400:440] += 0.5
+    fit = huber_line(v, RowOffsets(offset, stiffness), Line(300.0, 0.1))
+    assert fit.line.at(240.0) == pytest.approx(300.1 + 0.1002 * 240.0, abs=0.02)
+    assert fit.line.slope == pytest.approx(clean.line.slope, abs=1.2e-4)  # least squares: 3.9e-4
+    assert fit.sigma_slope == pytest.approx(clean.sigma_slope, rel=0.3)  # with those rows: 4 times
+    assert fit.rows == pytest.approx(440, abs=10)
+
+
+def counted(monkeypatch: pytest.MonkeyPatch, name: str, function: Callable[..., Any]) -> list[int]:
+    """One entry for each call of a function that the tracker uses."""
+    calls: list[int] = []
+
+    def count(*arguments: Any) -> Any:
+        calls.append(1)
+        return function(*arguments)
+
+    monkeypatch.setattr(f"vision.tracker.{name}", count)
+    return calls
+
+
+@pytest.mark.parametrize("following", [True, False])
+def test_one_newton_step_a_picture_is_enough(camera: Camera, monkeypatch: pytest.MonkeyPatch, following: bool) -> None:
+    tracker, steps = Tracker(WIDTH, HEIGHT), counted(monkeypatch, "row_offsets", row_offsets)
+    searches, strips = counted(monkeypatch, "search", search), counted(monkeypatch, "coarse_line", coarse_line)
+    for k in range(43):
+        if k == 3:  # three angles are known
+            del steps[:], searches[:], strips[:]
+        if not following:
+            tracker.forget()
+        assert tracker.measure(camera.expose(Scene(angle_rad=0.3 * math.sin(0.064 * k)).light()), PIVOT_PX).valid
+    assert len(steps) <= 42  # of 40 pictures
+    assert len(searches) == (0 if following else 40)
+    assert not strips
+
+
+def test_a_jump_surprises_in_two_pictures_only(camera: Camera, monkeypatch: pytest.MonkeyPatch) -> None:
+    tracker, strips = Tracker(WIDTH, HEIGHT), counted(monkeypatch, "coarse_line", coarse_line)
+    for angle in [0.0, 0.0, 0.0, *[0.02] * 5]:
+        assert tracker.measure(camera.expose(Scene(angle_rad=angle).light()), PIVOT_PX).valid
+    assert len(strips) == 2  # velocity is wrong in the second
+
+
+def test_the_angle_does_not_depend_on_where_the_prediction_led(camera: Camera) -> None:
+    for angle in np.radians([-17.0, 0.0, 3.0]):
+        image = camera.expose(Scene(angle_rad=angle).light())
+        tracker, predictions = Tracker(WIDTH, HEIGHT), angle + np.linspace(-20.0, 20.0, 81) * MRAD
+        found = [error_rad(tracker.measure(image, PIVOT_PX, float(p)), angle) for p in predictions]
+        assert np.ptp(found) < 0.005 * MRAD
+
+
+@pytest.mark.parametrize("jump_rad", [1 * MRAD, 5 * MRAD, 20 * MRAD, 60 * MRAD, 200 * MRAD])
+def test_a_cable_that_jumps_between_two_pictures_is_found_where_it_is(camera: Camera, jump_rad: float) -> None:
+    for start in (-0.2, 0.01):
+        tracker = Tracker(WIDTH, HEIGHT)
+        angles = [start, start + 0.01, start + 0.02, start + 0.03 + jump_rad, start + 0.04 + jump_rad]
+        errors = [error_rad(tracker.measure(camera.expose(Scene(angle_rad=a).light()), PIVOT_PX), a) for a in angles]
+        assert np.abs(errors).max() < 0.15 * MRAD
+
+
+@pytest.mark.parametrize("bar_px", [0.0, 10.0, 14.0])
+def test_a_cable_that_is_gone_or_behind_a_bar_is_not_followed(camera: Camera, bar_px: float) -> None:
+    tracker = Tracker(WIDTH, HEIGHT)
+    for _ in range(3):
+        assert tracker.measure(camera.expose(Scene(angle_rad=0.1).light()), PIVOT_PX).valid
+    empty = np.full((HEIGHT, WIDTH), 210.0) - (165.0 * stripe(0.1, PIVOT_PX, bar_px, 0.8) if bar_px else 0.0)
+    assert not tracker.measure(camera.expose(empty), PIVOT_PX, predicted_angle_rad=0.1).valid
+
+
 @pytest.mark.parametrize("off_px", [-3.0, 3.0])
 def test_a_pivot_predicted_3_px_off_costs_nothing_and_is_told(camera: Camera, off_px: float) -> None:
     angles = np.radians(np.linspace(-20.0, 20.0, 30))
@@ -99,10 +182,11 @@ def test_a_pivot_predicted_8_px_off_is_refused_with_its_miss(camera: Camera) -> 
     assert fit.pivot_miss_px == pytest.approx(8.0, abs=0.1)
 
 
-def test_when_the_prediction_fails_the_whole_picture_is_searched(camera: Camera) -> None:
+@pytest.mark.parametrize("predicted_rad", [-0.2, -0.8, 0.8, 1.5])  # some of these lines leave the picture
+def test_when_the_prediction_fails_the_whole_picture_is_searched(camera: Camera, predicted_rad: float) -> None:
     tracker = Tracker(WIDTH, HEIGHT)
     image = camera.expose(Scene(angle_rad=0.2).light())
-    assert abs(error_rad(tracker.measure(image, PIVOT_PX, predicted_angle_rad=-0.2), 0.2)) < 0.1 * MRAD
+    assert abs(error_rad(tracker.measure(image, PIVOT_PX, predicted_rad), 0.2)) < 0.1 * MRAD
 
 
 def bar(light: Floats, scene: Scene, rng: np.random.Generator) -> Floats:
@@ -174,15 +258,17 @@ CASES: dict[str, tuple[Change, dict[str, float], float]] = {  # what happens, th
 
 
 @pytest.mark.parametrize("case", CASES)
-@pytest.mark.parametrize("following", [True, False])
-def test_a_disturbed_picture_gives_the_angle_or_a_reason_but_no_wrong_angle(camera: Camera, case: str, following: bool) -> None:
+@pytest.mark.parametrize("predicted_off_rad", [0.2 * MRAD, 2 * MRAD, None])
+def test_a_disturbed_picture_gives_the_angle_or_a_reason_but_no_wrong_angle(
+    camera: Camera, case: str, predicted_off_rad: float | None
+) -> None:
     change, settings, share = CASES[case]
     rng, measured = np.random.default_rng(7), 0
     angles = rng.uniform(-0.35, 0.35, 16)
     for angle in angles:
         scene = Scene(angle_rad=float(angle), **settings)  # type: ignore[arg-type]
         image = camera.expose(change(scene.light(), scene, rng))
-        predicted = float(angle) + 2 * MRAD if following else None
+        predicted = None if predicted_off_rad is None else float(angle) + predicted_off_rad
         fit = Tracker(WIDTH, HEIGHT).measure(image, PIVOT_PX, predicted)
         if fit.valid:
             measured += 1

@@ -1,7 +1,8 @@
 """The angle of a thin dark cable before a bright screen, from one picture.
 
-Following: a strip about the predicted line. Cold, or when the strip refuses: a vote of the whole picture, then its strip.
-Either way the answer is a free-intercept line; the predicted pivot only says which line is the cable.
+Following: a Newton step of every row from the predicted line; if the rows do not agree, the strip about that line. Cold, or
+when the strip refuses: a vote of the whole picture, then the same from the winner. Either way the answer is a free-intercept
+line; the predicted pivot only says which line is the cable.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ COARSE_REACH_PX = 3.0  # a wide, blurred cable is flat at its bottom
 BORDER_PX = REACH_PX + len(GROUP)  # columns the template needs, and a group of rows at 45 degrees
 NEWTON_STEPS = 2  # of all rows; a line that still moves, or that other rows disagree with, goes through the strip
 SETTLED_PX = 0.15  # a last step shorter than this leaves an error below 0.001 px
-DIRECT_SHARE = 0.8  # of the rows below the pivot must see one cable
+DIRECT_SHARE = 0.9  # of the rows below the pivot must see one cable
 NEWTON_REACH_PX = 1.5  # beyond, the template sees another slope of the profile
 PIVOT_REACH_PX = 5.0  # a line that misses the predicted pivot by more is not the cable
 ROWS_SHARE = 0.12  # of the picture's height; fewer rows are too short a lever
@@ -109,8 +110,8 @@ class Tracker:
     def measure(self, image: Grey, pivot_px: tuple[float, float], predicted_angle_rad: float | None = None) -> Fit:
         """Angle of the cable in image (height, width) uint8, whose upper end should be at pivot_px = (u, v).
 
-        Without predicted_angle_rad the last angles are continued at constant acceleration. Never raises on a picture:
-        one of another size or type is refused as BAD_IMAGE.
+        Without predicted_angle_rad the last three angles are continued at constant acceleration, after a surprise the last
+        two at constant velocity. Never raises on a picture: one of another size or type is refused as BAD_IMAGE.
         """
         if image.shape != (self.height, self.width) or image.dtype != np.uint8:
             self.forget()
@@ -121,7 +122,6 @@ class Tracker:
         fit = self._along(image, levels, expected, pivot_px) if expected else None
         if fit is None or not fit.valid:
             fit = self._anywhere(image, levels, pivot_px)
-            self._angles_rad = self._angles_rad[:1]  # a jump is no acceleration
         self._remember(fit)
         return fit
 
@@ -151,7 +151,10 @@ class Tracker:
     def _along(self, image: Grey, levels: Levels, near: Line, pivot_px: tuple[float, float]) -> Fit:
         """The line that is near already, in nearly every picture; else whatever crosses the strip about it."""
         fit = self._direct(image, levels, near, pivot_px)
-        return fit if fit and fit.valid else self._through_strip(image, levels, near, pivot_px)
+        if fit and fit.valid:
+            return fit
+        self._angles_rad = self._angles_rad[:1]  # a surprise is no acceleration
+        return self._through_strip(image, levels, near, pivot_px)
 
     def _direct(self, image: Grey, levels: Levels, line: Line, pivot_px: tuple[float, float]) -> Fit | None:
         """Newton steps of every row from line; None unless nearly all rows agree on a line that stays."""
@@ -160,7 +163,7 @@ class Tracker:
             return None
         for _ in range(NEWTON_STEPS):
             ends = line.at(float(v[0])), line.at(self.height - 1.0)
-            if min(ends) <= BORDER_PX or max(ends) >= self.width - 1 - BORDER_PX:
+            if not BORDER_PX < min(ends) <= max(ends) < self.width - 1 - BORDER_PX:
                 return None
             fit = self._fitted(image, levels, v, line)
             if fit is None or fit.rows < DIRECT_SHARE * len(v):
