@@ -146,7 +146,8 @@ def main() -> None:
         print(f"virtual loop {name}: {seconds * 1e3:.0f} ms for {job.plan.duration_s:g} s of rig: {speed:.0f}x real time")
         print(f"    where it goes: {shares}, scheduler, codec and digest {rest / whole:.0%}")
     following, cold = tracker()
-    print(f"tracker, every row: following {following * 1e6:.0f} us ({1 / following:.0f}/s), cold {cold * 1e6:.0f} us ({1 / cold:.0f}/s)")
+    for name, seconds in (("following the cable", following), ("cold, full frame", cold)):
+        print(f"tracker, every row, {name}: {seconds * 1e6:.0f} us ({1 / seconds:.0f} frames/s)")
     print(f"interpreter: sum(range(1000)) in {interpreter_us():.1f} us")
 
 
