@@ -10,8 +10,10 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-MS = 1_000_000  # ns
+from comms.channels import MS
+
 _MASK = 2**64 - 1
+FOREIGN = frozenset(("length", "magic", "version", "channel", "session"))  # reasons that say: no packet of this link and run
 WINDOW = 64  # sequence numbers remembered behind the newest
 
 
@@ -77,7 +79,8 @@ class LinkCount(msgspec.Struct, kw_only=True):
     @property
     def unexplained(self) -> int:
         """Zero when the row balances."""
-        return self.sent - self.delivered - self.lost - sum(self.rejected.values())
+        ours = sum(n for reason, n in self.rejected.items() if reason not in FOREIGN)
+        return self.sent - self.delivered - self.lost - ours
 
     def reject(self, reason: str) -> None:
         """Count one packet that was read and not taken."""

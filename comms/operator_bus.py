@@ -13,6 +13,7 @@ import msgspec
 import zmq
 
 from comms.channels import CHANNELS
+from comms.codec import LAYOUTS
 from comms.errors import PortInUse
 from comms.messages import Command, Reply
 from comms.records import Event, LinkRow, Receipts, Timing
@@ -36,6 +37,10 @@ class Tapped(NamedTuple):
 
 class Hello(NamedTuple):
     """A task's sockets are open; it waits for the first heartbeat."""
+
+
+class Farewell(NamedTuple):
+    """A task has said all it has to say, and leaves."""
 
 
 class Record(NamedTuple):
@@ -76,6 +81,10 @@ class TaskBus:
     def hello(self) -> None:
         """Our sockets are open."""
         self._commands.send_multipart([b"hello"])
+
+    def farewell(self) -> None:
+        """Everything is said."""
+        self._commands.send_multipart([b"farewell"])
 
     def reply(self, reply: Reply) -> None:
         """Answer the operator."""
@@ -145,7 +154,7 @@ class OperatorBus:
         """Return when something arrives, or after timeout_ms."""
         zmq.select([self._commands, self._taps, self._pictures], [], [], timeout_ms / 1000)
 
-    def drain(self) -> Iterator[tuple[bytes, Hello | Reply | Record | Tapped | str]]:
+    def drain(self) -> Iterator[tuple[bytes, Hello | Farewell | Reply | Record | Tapped | str]]:
         """What tasks and terminals said, with who said it; a str is a request of a second terminal."""
         yield from _drain_taps(self._taps, parts_each=2)
         yield from _drain_taps(self._pictures, parts_each=3)
@@ -156,7 +165,7 @@ class OperatorBus:
         for socket in (self._commands, self._taps, self._pictures):
             socket.close(200)
 
-    def _drain_commands(self) -> Iterator[tuple[bytes, Hello | Reply | Record | str]]:
+    def _drain_commands(self) -> Iterator[tuple[bytes, Hello | Farewell | Reply | Record | str]]:
         while True:
             try:
                 who, *parts = self._commands.recv_multipart(zmq.NOBLOCK)
@@ -167,10 +176,12 @@ class OperatorBus:
                 yield who, said
 
 
-def _understand(parts: list[bytes]) -> Hello | Reply | Record | str | None:
+def _understand(parts: list[bytes]) -> Hello | Farewell | Reply | Record | str | None:
     try:
         if parts == [b"hello"]:
             return Hello()
+        if parts == [b"farewell"]:
+            return Farewell()
         if len(parts) == 2 and parts[0] == b"":
             return parts[1].decode()
         if len(parts) == 2 and parts[0] == b"reply":
@@ -191,7 +202,7 @@ def _drain_taps(socket: zmq.Socket[bytes], parts_each: int) -> Iterator[tuple[by
             return
         for k in range(0, len(parts) - parts_each + 1, parts_each):
             channel = parts[k].decode("ascii", "replace")
-            if channel in CHANNELS:
+            if channel in CHANNELS and CHANNELS[channel].message in LAYOUTS:
                 yield b"", Tapped(channel, parts[k + 1], parts[k + 2] if parts_each == 3 else None)
 
 

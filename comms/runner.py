@@ -16,44 +16,25 @@ from typing import Any
 import msgspec
 import zmq
 
-from comms.channels import CHANNELS, Transport, received_by, sent_by
+from comms.channels import MS, received_by, sent_by
 from comms.clock import Clock, MonotonicClock
-from comms.codec import Closing, Reject, decode, encode, encode_closing
+from comms.codec import encode
+from comms.ends import In, Out, Wiring
 from comms.errors import CommsError
-from comms.frames import FrameReceiver, FrameSender
-from comms.link import LinkCount, LinkFaults, LinkModel, SequenceWindow
-from comms.messages import Frame, Message, Phase, Reference, Reply, Verb
+from comms.link import LinkCount
+from comms.messages import Command, Frame, Message, Reply, Verb
 from comms.operator_bus import Context, TaskBus
 from comms.priority import take_priority
 from comms.records import Event, LinkRow, Receipts, Timing
 from comms.task import Step, Task
-from comms.udp import UdpReceiver, UdpSender
 
-MS = 1_000_000  # ns
 LONGEST_WAIT_NS = 50 * MS  # the edge of a ZeroMQ descriptor can be missed; look again then
 RECORD_EVERY_NS = 250 * MS
 TAP_EVERY_NS = 50 * MS  # taps leave together: a message each would wake the operator a thousand times a second
 DRAIN_NS = 200 * MS  # after the last send, beyond the link's own delay
-OPERATOR_SILENT_NS = 3_000 * MS
+OPERATOR_SILENT_NS = 1_000 * MS  # five heartbeats; then the operator is gone, and the robot stops where it is
 ADMISSION_NS = 30_000 * MS  # the slowest task's imports on a busy machine
-CLOSINGS = 3  # copies of the closing datagram
 ORPHANED, REFUSED = 5, 3  # exit codes
-
-
-class Wiring(msgspec.Struct, frozen=True, kw_only=True):
-    """Where a task's channels go; made by the operator, handed over on standard input."""
-
-    session: int
-    seed: int
-    zero_ns: int
-    host: str
-    ports: dict[str, int]
-    commands: str
-    taps: str
-    pictures: str
-    faults: dict[str, LinkFaults] = {}
-    pictures_hz: float = 2.0
-    priority: int = 0  # SCHED_FIFO to ask for, 1..99; 0 = ordinary
 
 
 def main(build: Callable[[bytes], Task]) -> int:
@@ -77,13 +58,14 @@ class WallRunner:
     def __init__(self, task: Task, wiring: Wiring, clock: Clock) -> None:
         self._task, self._wiring, self._clock = task, wiring, clock
         self._context: Context = zmq.Context()
-        self._out = {name: _Out(name, wiring, self._context) for name in sent_by(task.name)}
-        self._in = {name: _In(name, wiring, self._context) for name in received_by(task.name)}
+        self._out = {name: Out(name, wiring, self._context) for name in sent_by(task.name)}
+        self._in = {name: In(name, wiring, self._context) for name in received_by(task.name)}
         self._bus = TaskBus(self._context, task.name, wiring.commands, wiring.taps, wiring.pictures)
         ends: list[Any] = [*self._in.values(), self._bus]
         self._listening = {end.fileno(): end for end in ends}
+        self._early: list[Command] = []  # orders that came before the task began
         self._told: dict[str, LinkCount] = {}  # channels that end at the operator
-        self._outbox: list[tuple[int, int, _Out, Frame | bytes]] = []  # due_ns, order, channel, what leaves
+        self._outbox: list[tuple[int, int, Out, Frame | bytes]] = []  # due_ns, order, channel, what leaves
         self._order = 0
         self._wake_ns: int | None = None
         self._exit: int | None = None
@@ -101,6 +83,8 @@ class WallRunner:
         now = self._clock.now_ns()
         self._operator_ns = now
         self._carry_out(self._task.start(now))
+        for command in self._early:
+            self._obey(command)
         while self._exit is None:
             self._pass(self._wait())
         self._close()
@@ -111,7 +95,9 @@ class WallRunner:
         self._bus.hello()
         until = self._clock.now_ns() + ADMISSION_NS
         while self._clock.now_ns() < until:
-            if any(word is None for word in self._bus.drain()):
+            words = list(self._bus.drain())
+            self._early += [word for word in words if word is not None]
+            if None in words:
                 return True
             select.select([self._bus], [], [], LONGEST_WAIT_NS * 1e-9)
         return False
@@ -163,13 +149,17 @@ class WallRunner:
     def _hear_operator(self) -> None:
         for command in self._bus.drain():
             self._operator_ns = self._clock.now_ns()
-            if command is not None and command.verb is Verb.CLOSE:
-                self._leave(0)
-            elif command is not None:
-                self._carry_out(self._task.on_message("command", command, self._operator_ns))
+            if command is not None:
+                self._obey(command)
         now = self._clock.now_ns()
         if now - self._operator_ns > OPERATOR_SILENT_NS:
             self._leave(ORPHANED)
+
+    def _obey(self, command: Command) -> None:
+        if command.verb is Verb.CLOSE:
+            self._leave(0)
+        else:
+            self._carry_out(self._task.on_message("command", command, self._clock.now_ns()))
 
     def _leave(self, code: int) -> None:
         self._carry_out(self._task.stop(self._clock.now_ns()))
@@ -189,7 +179,7 @@ class WallRunner:
                 self._told.setdefault(channel, LinkCount()).sent += 1
                 self._bus.tap(channel, encode(channel, message, self._wiring.session))
 
-    def _queue(self, out: _Out, message: Message, at_ns: int) -> None:
+    def _queue(self, out: Out, message: Message, at_ns: int) -> None:
         data = encode(out.name, message, self._wiring.session)
         self._bus.tap(out.name, data)
         frame = message if isinstance(message, Frame) else None
@@ -246,111 +236,8 @@ class WallRunner:
         if self._bus.dropped_taps or self._bus.dropped_pictures:
             text = f"{self._bus.dropped_taps} messages and {self._bus.dropped_pictures} pictures were not logged"
             self._bus.record(Event(t_ns=now, level="warning", source=self._task.name, text=text))
-        text = "closed"
-        self._bus.reply(Reply(seq=0, t_ns=now, id=0, sender=self._task.name, ok=True, phase=Phase.IDLE, text=text))
+        self._bus.farewell()
         for link in self._in.values():
             link.endpoint.close()
         self._bus.close()
         self._context.term()
-
-
-class _Out:
-    """The sending end of a channel."""
-
-    def __init__(self, name: str, wiring: Wiring, context: Context) -> None:
-        self.name, self._session = name, wiring.session
-        self.count = LinkCount()
-        self._on_wire = 0
-        faults = wiring.faults.get(name)
-        self._model = LinkModel(faults, wiring.seed, CHANNELS[name].id) if faults else None
-        self._endpoint: Any
-        if CHANNELS[name].transport is Transport.UDP:
-            self._endpoint = UdpSender(wiring.host, wiring.ports[name])
-        else:
-            self._endpoint = FrameSender(context, wiring.host, wiring.ports[name], name, wiring.session)
-
-    def fate(self, seq: int) -> int | None:
-        """Delay of a packet [ns], or None: lost. Counts it as sent."""
-        self.count.sent += 1
-        delay_ns = self._model.delay_ns(seq) if self._model else 0
-        self.count.lost_link += delay_ns is None
-        return delay_ns
-
-    def send(self, payload: Frame | bytes) -> None:
-        """Put it on the wire now."""
-        taken = self._endpoint.send(payload)
-        self._on_wire += taken
-        self.count.lost_queue += not taken
-
-    def close(self, t_ns: int) -> None:
-        """Tell the receiver how much was put on the wire."""
-        if isinstance(self._endpoint, UdpSender):
-            for _ in range(CLOSINGS):
-                self._endpoint.send(encode_closing(self.name, self._on_wire, t_ns, self._session))
-            self._endpoint.close()
-        else:
-            self._endpoint.close(self._on_wire, t_ns)
-
-
-class _In:
-    """The receiving end of a channel."""
-
-    def __init__(self, name: str, wiring: Wiring, context: Context) -> None:
-        self.name, self._session = name, wiring.session
-        self.count = LinkCount()
-        self.receipts: list[tuple[int, int, str]] = []
-        self.closed = False
-        self._window = SequenceWindow()
-        self._late_ns = round(CHANNELS[name].late_after_ms * MS)
-        faults = wiring.faults.get(name)
-        self.delay_ns = round((faults.delay_ms + faults.jitter_ms) * MS) if faults else 0
-        self.endpoint: UdpReceiver | FrameReceiver
-        if CHANNELS[name].transport is Transport.UDP:
-            self.endpoint = UdpReceiver(wiring.host, wiring.ports[name], name)
-        else:
-            self.endpoint = FrameReceiver(context, wiring.host, wiring.ports[name], name, wiring.session)
-
-    def fileno(self) -> int:
-        """For select."""
-        return self.endpoint.fileno()
-
-    def read(self, clock: Clock) -> list[Message]:
-        """Messages that arrived and are to be believed; everything is counted."""
-        taken = []
-        for item in self.endpoint.drain():
-            got = decode(self.name, item, self._session) if isinstance(item, bytes) else item
-            message = admit(got, self._window, self.count, self._late_ns, clock.now_ns(), self.receipts)
-            if message is not None:
-                taken.append(message)
-            elif isinstance(got, Closing):
-                self.closed = True
-        if isinstance(self.endpoint, UdpReceiver):
-            self.count.lost_kernel = self.endpoint.kernel_drops
-        return taken
-
-
-def admit(
-    got: Message | Closing | Reject,
-    window: SequenceWindow,
-    count: LinkCount,
-    late_ns: int,
-    t_ns: int,
-    receipts: list[tuple[int, int, str]],
-) -> Message | None:
-    """The one gate every received packet passes: exactly one counter goes up, and a receipt is written."""
-    if isinstance(got, Closing):
-        return None
-    if isinstance(got, Reject):
-        count.reject(got.value)
-        return None
-    outcome = window.verdict(got.seq)
-    receipts.append((got.seq, t_ns, outcome or ""))
-    if outcome == "duplicate":
-        count.duplicated += 1
-        return None
-    if outcome is not None:
-        count.reject(outcome)
-        return None
-    count.delivered += 1
-    count.late += t_ns - (got.t_target_ns if isinstance(got, Reference) else got.t_ns) > late_ns
-    return got

@@ -80,17 +80,35 @@ class UdpReceiver:
         self._socket.close()
 
 
-def free_port(host: str, kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:
+def free_port(host: str, udp: bool = True) -> int:
     """A port nobody uses now."""
-    with socket.socket(socket.AF_INET, kind) as probe:
+    return free_ports(host, [udp])[0]
+
+
+def free_ports(host: str, udp: list[bool]) -> list[int]:
+    """Ports nobody uses now, all different; True asks for a UDP port, False for a TCP port."""
+    probes = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM if datagrams else socket.SOCK_STREAM) for datagrams in udp]
+    try:
+        for probe in probes:
+            probe.bind((host, 0))
+        return [int(probe.getsockname()[1]) for probe in probes]
+    finally:
+        for probe in probes:
+            probe.close()
+
+
+def receive_buffer_bytes(host: str) -> int:
+    """What the system grants of the receive buffer we ask for."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind((host, 0))
-        return int(probe.getsockname()[1])
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
+        return probe.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
 
 
-def port_is_free(host: str, port: int, kind: socket.SocketKind = socket.SOCK_DGRAM) -> bool:
+def port_is_free(host: str, port: int, udp: bool = True) -> bool:
     """Whether a port could be bound now."""
-    with socket.socket(socket.AF_INET, kind) as probe:
-        if kind is socket.SOCK_STREAM:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM if udp else socket.SOCK_STREAM) as probe:
+        if not udp:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             probe.bind((host, port))

@@ -18,6 +18,7 @@ from planners.pieces import FloatArray
 AXES = ("x", "y")  # a vertical move swings nothing
 INPUTS = ("acceleration",)
 LONGEST_PERIODS = 1000.0  # of the load; a replay of it takes about a second
+FARTHEST_M = 1000.0  # beyond it nothing is a laboratory
 ROUNDING = 1e-9  # share of a limit that a peak may exceed it by
 
 
@@ -64,8 +65,8 @@ class Problem:
                 "shorten the move, or check length_m"
             )
         for name, value in (("start_m", self.start_m), ("distance_m", self.distance_m)):
-            if not math.isfinite(value):
-                raise PlanError(f"{name} = {value}; must be finite: give it in metres")
+            if not abs(value) <= FARTHEST_M:
+                raise PlanError(f"{name} = {value}; must be within +-{FARTHEST_M:g} m: give it in metres")
         for what, name, known in (("axis", self.axis, AXES), ("input", self.input, INPUTS), ("law", self.law, LAWS)):
             if name not in known:
                 raise unknown_name(what, name, known)

@@ -12,7 +12,6 @@ import numpy as np
 from comms.clock import utc_now
 from comms.messages import AngleSample
 from planners import catalog
-from planners.models.pendulum import PendulumModel
 from planners.motion import Motion
 from planners.problem import Problem
 from planners.trajectory import Trajectory
@@ -20,6 +19,7 @@ from rig.analysis.offsets import OffsetCalibration, Watch, calibrate_offsets
 from rig.analysis.run_log import SETTLE_S, RunLog
 from rig.calibration_file import Calibration
 from rig.config import Experiment
+from rig.job import belief
 
 POINTS_M = (-0.2, -0.1, 0.0, 0.1, 0.2)
 HOP_S = 2.0
@@ -47,8 +47,8 @@ def experiment_for(base: Experiment) -> Experiment:
 def tour(experiment: Experiment, points_m: tuple[float, ...] = POINTS_M) -> Tour:
     """From the start through the points and back, each hop planned not to swing."""
     e = experiment
-    model = PendulumModel(length_m=e.model.length_m, damping_ratio=e.model.damping_ratio, gravity_m_s2=e.model.gravity_m_s2)
-    stand_s = SETTLE_S + PERIODS * 2 * math.pi * math.sqrt(e.model.length_m / e.model.gravity_m_s2)
+    model = belief(e)
+    stand_s = SETTLE_S + PERIODS * 2 * math.pi / model.natural_frequency_rad_s
     here, path, stands = e.move.start_m, Trajectory.hold(e.move.start_m, 0.01), []
     for point in (*points_m, e.move.start_m):
         if point != here:
@@ -62,14 +62,13 @@ def tour(experiment: Experiment, points_m: tuple[float, ...] = POINTS_M) -> Tour
 def fit(run: RunLog, stands_s: list[tuple[float, float]]) -> tuple[OffsetCalibration, Calibration]:
     """The calibration in a run's log. Raises AnalysisError when a point was not seen well enough."""
     vision = run.experiment.vision
-    model = run.experiment.model
     samples = [a for a in run.angles if a.valid]
     watches = [_watch(samples, run.t_move_s + t0, run.t_move_s + t1) for t0, t1 in stands_s]
     found = calibrate_offsets(
         watches,
         pivot_home_px=vision.rough_pivot_px,
         pixels_per_m=vision.rough_pixels_per_m,
-        natural_frequency_hz=math.sqrt(model.gravity_m_s2 / model.length_m) / (2 * math.pi),
+        natural_frequency_hz=belief(run.experiment).natural_frequency_rad_s / (2 * math.pi),
     )
     frames = run.frames
     calibration = Calibration(
@@ -88,8 +87,8 @@ def fit(run: RunLog, stands_s: list[tuple[float, float]]) -> tuple[OffsetCalibra
 
 
 def default_path(folder: Path, calibration: Calibration) -> Path:
-    """<date>_<camera>.toml: calibrations sort by age."""
-    return folder / f"{utc_now():%Y-%m-%d}_{calibration.camera}.toml"
+    """calibration_<date>_<camera>.toml."""
+    return folder / f"calibration_{utc_now():%Y-%m-%d}_{calibration.camera}.toml"
 
 
 def _watch(samples: list[AngleSample], t0_s: float, t1_s: float) -> Watch:

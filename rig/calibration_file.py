@@ -60,12 +60,17 @@ def find(experiment: config.Experiment) -> tuple[str, Calibration | None]:
     return name, calibration
 
 
-def save(calibration: Calibration, path: Path) -> None:
-    """Write it as TOML."""
+def text(calibration: Calibration) -> str:
+    """The file as TOML."""
     lines = ["# Made by `rig calibrate offsets`: pivot and scale in the picture, angle offset over platform position."]
     lines += [f"{name} = {_toml(value)}" for name, value in msgspec.structs.asdict(calibration).items()]
+    return "\n".join(lines) + "\n"
+
+
+def save(calibration: Calibration, path: Path) -> None:
+    """Write the file."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text("\n".join(lines) + "\n")
+    path.write_text(text(calibration))
 
 
 def _toml(value: object) -> str:

@@ -64,6 +64,7 @@ class PlanSection(Section, frozen=True, kw_only=True):
     """`[plan]`: options of the planner."""
 
     input: Literal["acceleration"] = "acceleration"
+    robust: list[str] = []  # parameters whose error the plan should forgive
     law: str = "harmonic"
 
 
@@ -75,7 +76,7 @@ class LimitsSection(Section, frozen=True, kw_only=True):
 
 
 class SafetySection(Section, frozen=True, kw_only=True):
-    """`[safety]`: checked on every reference; speed and acceleration default to 1.1 x limits."""
+    """`[safety]`: checked on every reference (position along X); speed and acceleration default to 1.1 x limits."""
 
     position_min_m: Place = -0.25
     position_max_m: Place = 0.25
@@ -120,7 +121,7 @@ class RecordSection(Section, frozen=True, kw_only=True):
 class BenchSection(Section, frozen=True, kw_only=True):
     """`[bench]`: the world's tables are only checked by the one who builds it."""
 
-    kind: Literal["simulated"] = "simulated"
+    kind: Literal["simulated", "external"] = "simulated"
     pendulum: dict[str, Any] = {}
     robot: dict[str, Any] = {}
     camera: dict[str, Any] = {}

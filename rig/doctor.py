@@ -6,7 +6,6 @@ import importlib.util
 import os
 import platform
 import shutil
-import socket
 import sys
 from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
@@ -14,12 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from comms.channels import DATA
+from comms.channels import CHANNELS, Transport
 from comms.clock import timer_lateness_ns
 from comms.errors import CommsError
-from comms.udp import RECEIVE_BUFFER_BYTES, UdpReceiver, port_is_free
+from comms.udp import UdpReceiver, port_is_free, receive_buffer_bytes
 from rig.config import NetworkSection, shipped_calibrations
-from rig.runtime.processes import BUS_PORTS, PROCESSES
+from rig.runtime.children import PROCESSES
+from rig.runtime.processes import BUS_PORTS, channel_ports
 
 ROOMS = ("comms", "planners", "vision", "sim_rig", "rig")
 NEEDED = {"numpy": 2, "scipy": 1, "opencv-python-headless": 4, "pyzmq": 26, "mcap": 1, "msgspec": 0, "matplotlib": 3}
@@ -97,13 +97,13 @@ def _calibration() -> Check:
 
 
 def _disk(runs: Path) -> Check:
-    where = runs if runs.exists() else Path()
-    if not os.access(where, os.W_OK):
+    where = next(p for p in (runs, *runs.absolute().parents) if p.exists())
+    if not where.is_dir() or not os.access(where, os.W_OK):
         return Check("disk", "failed", f"{where.resolve()} is not writable", "name another folder with --runs")
     free = shutil.disk_usage(where).free
     good = free >= MIN_FREE_BYTES
     advice = "" if good else f"need {MIN_FREE_BYTES / 1e6:.0f} MB: remove old runs"
-    return Check("disk", "ok" if good else "failed", f"{free / 1e9:.1f} GB free for {where}", advice)
+    return Check("disk", "ok" if good else "failed", f"{free / 1e9:.1f} GB free for {runs}", advice)
 
 
 def _ports(network: NetworkSection) -> Check:
@@ -115,19 +115,21 @@ def _ports(network: NetworkSection) -> Check:
             return Check("ports", "failed", str(error), f"can {network.bind} be bound on this machine?")
         receiver.close()
         return Check("ports", "ok", f"free ports on {network.bind}")
-    kinds = [socket.SOCK_STREAM] * BUS_PORTS + [socket.SOCK_STREAM if n == "frame" else socket.SOCK_DGRAM for n in DATA]
-    taken = [str(base + i) for i, kind in enumerate(kinds) if not port_is_free(network.bind, base + i, kind)]
+    wanted = [(base + i, False) for i in range(BUS_PORTS)]
+    wanted += [(port, CHANNELS[name].transport is Transport.UDP) for name, port in channel_ports(network.bind, base).items()]
+    taken = [str(port) for port, udp in wanted if not port_is_free(network.bind, port, udp)]
     if taken:
         return Check(
-            "ports", "failed", f"in use on {network.bind}: {', '.join(taken)}", "stop what uses them, or change base_port"
+            "ports",
+            "failed",
+            f"in use on {network.bind}: {', '.join(taken)}",
+            "stop what uses them, or change network.base_port",
         )
-    return Check("ports", "ok", f"{base} to {base + len(kinds) - 1} on {network.bind} are free")
+    return Check("ports", "ok", f"{base} to {base + len(wanted) - 1} on {network.bind} are free")
 
 
 def _receive_buffer(host: str) -> Check:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
-        found = probe.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
+    found = receive_buffer_bytes(host)
     good = found >= 100_000  # a second of our busiest channel
     return Check(
         "UDP receive buffer", "ok" if good else "warning", f"{found // 1024} KiB", "" if good else "raise net.core.rmem_max"

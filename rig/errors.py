@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 OK, USAGE, REFUSED, STOPPED, FAULT, BAD_DATA = 0, 2, 3, 4, 5, 6
+EXIT_STATUS = {OK: "ok", USAGE: "fault", REFUSED: "stopped", STOPPED: "stopped", FAULT: "fault", BAD_DATA: "bad_data"}
 
 
 class RigError(Exception):
@@ -21,7 +22,15 @@ class Refused(RigError):
     exit_code = REFUSED
 
 
-class BadData(RigError):
-    """The data do not carry the answer that was asked for."""
+class RunFailed(RigError):
+    """Something broke while the run was under way; the robot was stopped."""
 
-    exit_code = BAD_DATA
+    exit_code = FAULT
+
+
+class Stopped(RigError):
+    """A run that ended with an exit code of its own and has no result to show."""
+
+    def __init__(self, message: str, exit_code: int) -> None:
+        super().__init__(message)
+        self.exit_code = exit_code

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from typing import Any
 
 import msgspec
 import numpy as np
 
-from comms.messages import Position
+from comms.channels import MS
 from planners import catalog
 from planners.errors import PlanError
 from planners.models.pendulum import PendulumModel
@@ -18,31 +19,14 @@ from rig import calibration_file
 from rig.config import Experiment
 from rig.controller.task import ControllerSettings
 from rig.errors import ConfigError, Refused
+from rig.plan_record import PlanRecord
 from rig.runtime import bench
 from rig.safety import Envelope, Gate
 from rig.streamer import PERIOD_NS, StreamerSettings
 from vision.task import VisionSettings
 
 MARGIN = 1.1  # of the plan's limits, where [safety] names no own
-MS = 1_000_000  # ns
 DEFAULT_RATE_HZ = 50.0  # what an idle vision task is told in a run without a camera
-
-
-class PlanRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """The plan as it is played: positions on the 10 ms grid from t_start; travels in the log."""
-
-    planner: str
-    distance_m: float
-    time_s: float  # 0 = nothing moves
-    quiet_s: float
-    watch_s: float
-    positions_m: list[Position]
-    metrics: dict[str, float | bool] | None
-
-    @property
-    def duration_s(self) -> float:
-        """From t_start to the end of the watch."""
-        return self.quiet_s + self.time_s + self.watch_s
 
 
 class Job(msgspec.Struct, frozen=True, kw_only=True):
@@ -50,7 +34,8 @@ class Job(msgspec.Struct, frozen=True, kw_only=True):
 
     experiment: Experiment
     plan: PlanRecord
-    calibration: str
+    calibration_name: str
+    calibration: calibration_file.Calibration | None
     settings: dict[str, Any]  # task name -> what it is told
 
     def attachments(self) -> dict[str, bytes]:
@@ -61,7 +46,14 @@ class Job(msgspec.Struct, frozen=True, kw_only=True):
             "plan.json": encode(self.plan),
             "bench.json": encode(self.settings["bench"]),
             "vision.json": encode(self.settings["vision"]),
+            "calibration.toml": calibration_file.text(self.calibration).encode() if self.calibration else b"",
         }
+
+
+def belief(experiment: Experiment) -> PendulumModel:
+    """`[model]`: the load as the planner sees it."""
+    m = experiment.model
+    return PendulumModel(length_m=m.length_m, damping_ratio=m.damping_ratio, gravity_m_s2=m.gravity_m_s2)
 
 
 def plan_move(experiment: Experiment, timer: Any = None) -> Plan | None:
@@ -75,11 +67,10 @@ def plan_move(experiment: Experiment, timer: Any = None) -> Plan | None:
             distance_m=e.move.distance_m,
             time_s=e.move.time_s,
             axis=e.move.axis,
-            model=PendulumModel(
-                length_m=e.model.length_m, damping_ratio=e.model.damping_ratio, gravity_m_s2=e.model.gravity_m_s2
-            ),
+            model=belief(e),
             input=e.plan.input,
             law=e.plan.law,
+            robust=tuple(e.plan.robust),
             limits=Limits(speed_m_s=e.limits.speed_m_s, acceleration_m_s2=e.limits.acceleration_m_s2),
         )
         return catalog.plan(e.experiment.planner, problem, timer)
@@ -104,7 +95,7 @@ def prepare(experiment: Experiment, plan: Plan | None, motion: Motion | None = N
         "vision": _vision(experiment, calibration),
         "streamer": _streamer(experiment, record, envelope),
     }
-    return Job(experiment=experiment, plan=record, calibration=name, settings=settings)
+    return Job(experiment=experiment, plan=record, calibration_name=name, calibration=calibration, settings=settings)
 
 
 def _record(experiment: Experiment, plan: Plan | None, motion: Motion | None) -> PlanRecord:
@@ -127,8 +118,6 @@ def _record(experiment: Experiment, plan: Plan | None, motion: Motion | None) ->
 def _metrics(plan: Plan | None) -> dict[str, float | bool] | None:
     if plan is None:
         return None
-    from dataclasses import asdict
-
     return asdict(plan.metrics)
 
 
@@ -177,6 +166,6 @@ def _streamer(experiment: Experiment, record: PlanRecord, envelope: Envelope) ->
         move_ticks=(first, last) if record.time_s else (0, 0),
         envelope=envelope,
         angle_stale_ns=round(experiment.safety.angle_stale_ms * MS) if experiment.camera.rate_hz > 0 else 0,
-        natural_frequency_rad_s=math.sqrt(experiment.model.gravity_m_s2 / experiment.model.length_m),
+        natural_frequency_rad_s=belief(experiment).natural_frequency_rad_s,
         initial_swing_rad=experiment.safety.initial_swing_rad,
     )

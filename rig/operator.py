@@ -16,6 +16,7 @@ CONNECT_NS = 15_000 * MS
 ANSWER_NS = 2_000 * MS  # for arm, start, stop
 LEAD_NS = 500 * MS  # from the start order to t_start
 GRID_NS = 60 * MS  # t_start lies on a common multiple of all periods (5, 10, 20, 30 ms)
+REST_NS = 400 * MS  # after a stop: the servos settle in 60 ms, and the log is to show it
 MOVERS = ("controller", "streamer")  # a stop goes here, and is believed when both say so
 
 
@@ -27,6 +28,7 @@ class Stage(enum.Enum):
     STARTING = "starting"
     RUNNING = "running"
     STOPPING = "stopping"
+    RESTING = "coming to rest"
     CLOSED = "closed"
 
 
@@ -84,6 +86,8 @@ class Operator:
         if self.stage is Stage.RUNNING:
             end_ns = self.t_end_ns or t_ns
             return self._close(t_ns) if t_ns >= end_ns else Step(wake_ns=end_ns)
+        if self.stage is Stage.RESTING and t_ns >= self._deadline_ns:
+            return self._close(t_ns)
         if t_ns >= self._deadline_ns:
             return self._give_up(t_ns)
         if self.stage is Stage.CONNECTING:
@@ -100,7 +104,7 @@ class Operator:
         While it stops already, only a first fault counts: it becomes the exit code, and the emergency stop goes out.
         """
         worse = exit_code == FAULT != self.exit_code
-        if self.stage is Stage.CLOSED or (self.stage is Stage.STOPPING and not worse):
+        if self.stage is Stage.CLOSED or (self.stage in (Stage.STOPPING, Stage.RESTING) and not worse):
             return NOTHING
         self.exit_code = exit_code
         self.reasons.append(reason)
@@ -135,7 +139,15 @@ class Operator:
             return Step(self._order(Verb.START, self._tasks, t_ns, self.t_start_ns), step.wake_ns)
         if self.stage is Stage.STARTING:
             return self._enter(Stage.RUNNING, t_ns)._replace(wake_ns=self.t_end_ns)
-        return self._close(t_ns) if self.stage is Stage.STOPPING else NOTHING
+        return self._rest(t_ns) if self.stage is Stage.STOPPING else NOTHING
+
+    def _rest(self, t_ns: int) -> Step:
+        """The movers have stopped: watch until the robot stands, if it ever moved."""
+        if self.t_start_ns is None or t_ns < self.t_start_ns:
+            return self._close(t_ns)
+        self.stage = Stage.RESTING
+        self._deadline_ns = t_ns + REST_NS
+        return Step(wake_ns=self._deadline_ns)
 
     def _enter(self, stage: Stage, t_ns: int) -> Step:
         self.stage = stage

@@ -52,20 +52,21 @@ def write(folder: Path, analysis: Analysis, twin: Analysis | None = None) -> Pat
 def _head(s: Summary) -> str:
     reasons = "".join(f"<li>{html.escape(reason)}</li>" for reason in s.reasons)
     return (
-        f"<h1>{html.escape(s.experiment)}: {html.escape(s.planner)}, {s.move_m:g} m in {s.move_time_s:g} s</h1>"
+        f"<h1>{html.escape(s.headline)}</h1>"
         f"<div class='note'>{html.escape(s.run_id)} &middot; {s.mode}</div>"
         f"<p>Verdict: <b class='{s.verdict}'>{s.verdict}</b> ({s.exit_status})</p><ul>{reasons}</ul>"
     )
 
 
 def _quantities(s: Summary, twin: Summary | None) -> str:
-    heads = ["", "planned", "measured", "true", *(["true, without losses"] if twin else [])]
+    heads = ["", "planned", "measured &plusmn; noise", "true", *(["true, without losses"] if twin else [])]
     rows = []
     for row in QUANTITIES:
         measured = row.with_sigma(getattr(s.measured, row.key), getattr(s.sigma, row.key))
         true = [row.plain(getattr(run.truth or Quantities(), row.key)) for run in ((s, twin) if twin else (s,))]
         rows.append([row.title, row.plain(getattr(s.planned, row.key, None)), measured, *true])
-    return _table(heads, rows)
+    note = "&plusmn; is one standard deviation of the noise; a camera pitched by a degree reads swings 0.5 % small besides."
+    return _table(heads, rows) + f"<p class='note'>{note}</p>"
 
 
 def _picture(analysis: Analysis) -> str:
@@ -108,7 +109,7 @@ def _ledger(s: Summary) -> str:
 
 
 def _events(s: Summary) -> str:
-    return "<h2>Events</h2><pre>" + html.escape("\n".join(s.events)) + f"\ndigest {s.digest or '(virtual time only)'}</pre>"
+    return "<h2>Events</h2><pre>" + html.escape("\n".join(s.events)) + (f"\ndigest {s.digest}" if s.digest else "") + "</pre>"
 
 
 def _ms(value: float | None) -> str:

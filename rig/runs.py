@@ -28,8 +28,10 @@ def find_log(name: str, runs: Path) -> Path:
     path = Path(name)
     if path.is_file():
         return path
-    if path.is_dir():
+    if (path / LOG).is_file():
         return path / LOG
+    if path.is_dir():
+        raise RigError(f"{path}: a folder without {LOG}; name a run folder, a .mcap file or `last`")
     known = sorted(p.name for p in runs.iterdir() if (p / LOG).is_file()) if runs.is_dir() else []
     if name == "last" and known:
         return runs / known[-1] / LOG

@@ -13,7 +13,7 @@ ROUNDING = 1e-9  # metres: what summing floats may cost
 
 
 class Envelope(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Bounds on references, along each axis."""
+    """Bounds on references: place along X, the axis that moves; speed and acceleration in space."""
 
     position_min_m: float
     position_max_m: float
@@ -36,9 +36,10 @@ class Gate:
     def refusal(self, t_ns: int, position_m: Position) -> str | None:
         """None when the reference may go out, else what it would break, the value and the bound."""
         e = self._envelope
-        for axis, place in zip("xyz", position_m, strict=True):
-            if not e.position_min_m <= place <= e.position_max_m:  # NaN is outside as well
-                return f"{axis} = {place:.4f} m; must be {e.position_min_m} to {e.position_max_m} m"
+        if not e.position_min_m <= position_m[0] <= e.position_max_m:  # NaN is outside as well
+            return f"x = {position_m[0]:.4f} m; must be {e.position_min_m} to {e.position_max_m} m"
+        if not math.isfinite(position_m[1] + position_m[2]):
+            return f"y, z = {position_m[1]}, {position_m[2]} m; must be finite"
         if self._position is None:
             self._t_ns, self._position = t_ns, position_m
             return None

@@ -118,7 +118,10 @@ class Streamer:
             t_s, angle_rad = zip(*self._quiet, strict=True) if self._quiet else ((), ())
             swing = initial_swing_rad(t_s, angle_rad, s.natural_frequency_rad_s)
         except AnalysisError as error:
-            return (self._tell(f"cannot tell whether the load swings before the start: {error}", t_ns),)
+            said = f"cannot tell whether the load swings before the start: {error}"
+            if s.move_ticks[0] == 0:  # no quiet time was asked for
+                return (self._tell(said, t_ns),)
+            return (self._stop(f"{said} (experiment.quiet_s), or set it to 0 to start unseen", REFUSED, t_ns),)
         said = f"the load swings {swing * 1e3:.2f} mrad before the start"
         if swing <= s.initial_swing_rad:
             return (self._tell(said, t_ns),)

@@ -29,6 +29,7 @@ class Robot(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
     bandwidth_hz: Annotated[float, Meta(ge=0.1, le=200.0)] = 11.0  # -3 dB
     damping: Annotated[float, Meta(ge=0.05, le=5.0)] = 0.9
+    start_m: Annotated[float, Meta(ge=-10.0, le=10.0)] = 0.0  # where along X the platform stands when the world begins
 
 
 class Camera(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -44,7 +45,7 @@ class Camera(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     pivot_above_axis_m: Annotated[float, Meta(ge=-10.0, le=10.0)] = 0.28  # cable's upper end over the unpitched optical axis
     background: Annotated[float, Meta(ge=0.0, le=255.0)] = 200.0
     contrast: Annotated[float, Meta(ge=0.0, le=255.0)] = 165.0  # how much darker a wide cable is
-    name: Annotated[str, Meta(min_length=1, max_length=64)] = "red_plane"
+    name: Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,16}$")] = "red_plane"
 
 
 class View(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -63,8 +64,12 @@ class BenchParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     camera: Camera = Camera()
     view: View = View()
     home_m: Position = (0.0, 0.0, 0.0)  # before the camera
-    start_m: Position = (0.0, 0.0, 0.0)  # where the platform stands when the world begins
     seed: Annotated[int, Meta(ge=0)] = 0  # of the picture noise
+
+    @property
+    def start_m(self) -> Position:
+        """Where the platform stands when the world begins."""
+        return (self.home_m[0] + self.robot.start_m, self.home_m[1], self.home_m[2])
 
     def __post_init__(self) -> None:
         if self.view.rate_hz * self.camera.exposure_ms > 1000.0:

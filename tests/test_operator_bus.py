@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 import threading
 from collections.abc import Iterator
 
@@ -16,7 +15,7 @@ from comms.operator_bus import Context, Hello, OperatorBus, Record, Tapped, Task
 from comms.records import Event, LinkRow, Receipts, Timing
 from comms.udp import free_port, port_is_free
 
-HOST, TCP = "127.0.0.1", socket.SOCK_STREAM
+HOST = "127.0.0.1"
 LOOKS, LOOK_MS = 100, 50  # five seconds, far beyond what the loopback needs
 REPLY = Reply(seq=1, t_ns=2, id=3, sender="vision", ok=True, phase=Phase.ARMED, text="armed, 20 °C", exit=None)
 RECORDS = (
@@ -171,8 +170,8 @@ def test_a_question_to_nobody_is_given_up_in_time() -> None:
 
 
 def test_a_fixed_port_takes_the_two_above_it_too(context: Context) -> None:
-    ports = iter(lambda: free_port(HOST, TCP), None)
-    port = next(port for port in ports if all(port_is_free(HOST, port + k, TCP) for k in (1, 2)))
+    ports = iter(lambda: free_port(HOST, udp=False), None)
+    port = next(port for port in ports if all(port_is_free(HOST, port + k, udp=False) for k in (1, 2)))
     bus = OperatorBus(context, HOST, port)
     assert [bus.commands, bus.taps, bus.pictures] == [f"tcp://{HOST}:{port + k}" for k in range(3)]
     bus.close()

@@ -381,14 +381,21 @@ def test_a_late_tick_over_the_start_of_the_move_does_not_skip_the_check() -> Non
         pytest.param(QUIET_TICKS - 30, QUIET_TICKS, id="less_than_a_quarter_period"),
     ],
 )
-def test_too_short_a_look_is_told_and_does_not_end_the_run(first: int, last: int) -> None:
+def test_a_move_is_refused_when_the_look_was_too_short_to_tell_whether_the_load_swings(first: int, last: int) -> None:
     streamer = started(msgspec.structs.replace(WATCHED, angle_stale_ns=60_000 * MS))
     play(streamer, range(first))
     steps = see(streamer, range(first, last), 0.05) + play(streamer, range(last, last + 1))
     (news,) = [r for step in steps for r in replies(step)]
-    assert (news.ok, news.exit) == (True, None)
+    assert (news.ok, news.exit) == (False, 3)
     assert "cannot tell whether the load swings" in news.text
     assert "raise quiet_s" in news.text
+
+
+def test_a_move_without_any_quiet_time_starts_unseen_and_says_so() -> None:
+    streamer = started(msgspec.structs.replace(WATCHED, angle_stale_ns=60_000 * MS, move_ticks=(0, WATCHED.move_ticks[1])))
+    (news,) = [r for step in play(streamer, range(1)) for r in replies(step)]
+    assert (news.ok, news.exit) == (True, None)
+    assert "cannot tell whether the load swings" in news.text
 
 
 def test_nothing_is_said_of_the_load_when_nothing_moves() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import select
-import socket
 from collections.abc import Iterator
 
 import msgspec
@@ -140,7 +139,7 @@ def pulled(receiver: FrameReceiver, count: int) -> list[Frame | Closing | Reject
 
 
 def test_pictures_arrive_with_their_pixels_and_the_closing_count(context: Context) -> None:
-    port = free_port(HOST, socket.SOCK_STREAM)
+    port = free_port(HOST, udp=False)
     receiver = FrameReceiver(context, HOST, port, "frame", SESSION)
     sender = FrameSender(context, HOST, port, "frame", SESSION)
     sent = [picture(seq) for seq in range(3)]
@@ -157,7 +156,7 @@ def test_pictures_arrive_with_their_pixels_and_the_closing_count(context: Contex
 
 
 def test_a_picture_cut_out_of_a_larger_one_arrives_with_its_own_pixels(context: Context) -> None:
-    port = free_port(HOST, socket.SOCK_STREAM)
+    port = free_port(HOST, udp=False)
     receiver = FrameReceiver(context, HOST, port, "frame", SESSION)
     sender = FrameSender(context, HOST, port, "frame", SESSION)
     original = picture(height=20, width=30)
@@ -171,7 +170,7 @@ def test_a_picture_cut_out_of_a_larger_one_arrives_with_its_own_pixels(context: 
 
 
 def test_what_is_not_a_head_and_its_pixels_is_refused(context: Context) -> None:
-    port = free_port(HOST, socket.SOCK_STREAM)
+    port = free_port(HOST, udp=False)
     receiver = FrameReceiver(context, HOST, port, "frame", SESSION)
     stranger = context.socket(zmq.PUSH)
     stranger.connect(f"tcp://{HOST}:{port}")
@@ -216,16 +215,16 @@ def test_pictures_for_nobody_fill_the_queue_and_are_then_refused_at_once(
     context: Context, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(frames, "LINGER_MS", 0)
-    sender = FrameSender(context, HOST, free_port(HOST, socket.SOCK_STREAM), "frame", SESSION)
+    sender = FrameSender(context, HOST, free_port(HOST, udp=False), "frame", SESSION)
     taken = [sender.send(picture(seq, 2, 2)) for seq in range(frames.HIGH_WATER + 3)]
     assert taken == [True] * frames.HIGH_WATER + [False] * 3
     sender.close(frames.HIGH_WATER, 0)
 
 
 def test_a_frame_port_in_use_is_named_with_what_to_do(context: Context) -> None:
-    port = free_port(HOST, socket.SOCK_STREAM)
+    port = free_port(HOST, udp=False)
     receiver = FrameReceiver(context, HOST, port, "frame", SESSION)
-    assert not port_is_free(HOST, port, socket.SOCK_STREAM)
+    assert not port_is_free(HOST, port, udp=False)
     with pytest.raises(PortInUse, match=rf"TCP port {port} on {HOST} .*'frame'.*network\.base_port"):
         FrameReceiver(context, HOST, port, "frame", SESSION)
     receiver.close()

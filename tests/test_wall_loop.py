@@ -47,7 +47,19 @@ def test_wall_and_virtual_lose_the_very_same_references(tmp_path):
 def start_a_run(folder: Path) -> subprocess.Popen:
     """A run of the command line, waited for until its robot is about to move."""
     sets = [word for change in [*BRIEF, "experiment.watch_s=60"] for word in ("--set", change)]
-    command = [sys.executable, "-P", "-m", "rig.cli.main", "run", "move", "--no-report", "--json", "--runs", str(folder), *sets]
+    command = [
+        sys.executable,
+        "-P",
+        "-m",
+        "rig.cli.entry",
+        "run",
+        "move",
+        "--no-report",
+        "--json",
+        "--runs",
+        str(folder),
+        *sets,
+    ]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
 
 
@@ -94,7 +106,7 @@ def test_ctrl_c_stops_the_robot_first_and_keeps_the_log(tmp_path):
 def test_rig_stop_from_a_second_terminal_stops_the_run(tmp_path):
     run = start_a_run(tmp_path)
     wait_for_the_start(run, tmp_path)
-    stop = [sys.executable, "-P", "-m", "rig.cli.main", "stop", "--runs", str(tmp_path)]
+    stop = [sys.executable, "-P", "-m", "rig.cli.entry", "stop", "--runs", str(tmp_path)]
     told = subprocess.run(stop, capture_output=True, text=True, timeout=30, check=False)
     assert (told.returncode, "stopping" in told.stdout) == (0, True)
     code, said = ended(run)

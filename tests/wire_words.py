@@ -11,9 +11,9 @@ import numpy as np
 from hypothesis import strategies as st
 
 from comms.codec import Closing, Reject, decode
+from comms.ends import admit
 from comms.link import LinkCount, SequenceWindow
 from comms.messages import AngleSample, Frame, JointState, Message, Reference, RobotState, Setpoint, Truth
-from comms.runner import admit
 
 SESSION = 0x5357_4159_4C45_5353
 HEADER = "<2sBBHBxQIq"  # magic, version, channel, length, flags, pad, session, seq, t_ns

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from comms.records import LinkRow
-from rig.analysis.decay import DecayFit, fit_decay
+from rig.analysis.decay import DecayFit, cable_length_m, cable_length_sigma_m, fit_decay, identifiable
 from rig.analysis.errors import AnalysisError
 from rig.analysis.latency import alignment_s, command_latency_s, swing_error_rms_rad
 from rig.analysis.run_log import RunLog
@@ -27,7 +27,7 @@ from rig.analysis.swing import initial_swing_rad, peak_swing_rad, residual_ampli
 
 LATE_NS = 30_000_000  # a reference accepted later than this after its target missed its window
 MIN_VALID = 0.95  # share of frames that must give an angle
-MAX_LATE = 0.01  # share of late references or skipped ticks
+MAX_LATE = 0.01  # share of late references
 MAX_SWING_ERROR_RAD = 0.5e-3  # rms against the truth of a simulated bench, outside the move
 
 
@@ -44,14 +44,16 @@ class Analysis:
 def _fit(run: RunLog) -> tuple[DecayFit | None, str]:
     if run.t_start_s is None:
         return None, "the run never started"
+    rate_hz = run.experiment.camera.rate_hz
+    if rate_hz == 0:
+        return None, "run without a camera"
     t, angle, _ = run.swing
     after = t >= run.t_settled_s
-    vision = run.experiment.vision
+    frames = run.experiment.vision.average_frames
     try:
-        period_s = 1.0 / run.experiment.camera.rate_hz
-        return fit_decay(t[after], angle[after], average_frames=vision.average_frames, frame_period_s=period_s), ""
-    except (AnalysisError, ZeroDivisionError) as error:
-        return None, str(error) if run.experiment.camera.rate_hz else "run without a camera"
+        return fit_decay(t[after], angle[after], average_frames=frames, frame_period_s=1.0 / rate_hz), ""
+    except AnalysisError as error:
+        return None, str(error)
 
 
 def _summary(run: RunLog, fit: DecayFit | None, fit_failure: str) -> Summary:
@@ -96,16 +98,16 @@ def _summary(run: RunLog, fit: DecayFit | None, fit_failure: str) -> Summary:
 
 def _measured(run: RunLog, fit: DecayFit | None) -> tuple[Quantities, Quantities]:
     measured, sigma = Quantities(), Quantities()
-    t, angle, sigma_rad = run.swing
-    if run.t_start_s is not None:
+    t, angle, sigma_rad = run.single_frames
+    if run.t_start_s is not None and t.size:
         with suppress(AnalysisError):
             measured.peak_swing_rad = peak_swing_rad(t, angle, *_swing_window(run))
             sigma.peak_swing_rad = float(np.median(sigma_rad))
     if fit is None or not math.isfinite(fit.sigma_amplitude_rad):
         return measured, sigma
     g = run.experiment.model.gravity_m_s2
-    length = g / (2 * math.pi * fit.natural_frequency_hz) ** 2
-    sigma_length = 2 * length * fit.sigma_natural_frequency_hz / fit.natural_frequency_hz
+    length = cable_length_m(fit.natural_frequency_hz, g)
+    sigma_length = cable_length_sigma_m(fit.natural_frequency_hz, fit.sigma_natural_frequency_hz, g)
     found = {
         "residual_swing_rad": (float(fit.amplitude_at(np.array(run.t_settled_s))), fit.sigma_amplitude_rad),
         "natural_frequency_hz": (fit.natural_frequency_hz, fit.sigma_natural_frequency_hz),
@@ -114,7 +116,7 @@ def _measured(run: RunLog, fit: DecayFit | None) -> tuple[Quantities, Quantities
     }
     for name, (value, deviation) in found.items():
         setattr(sigma, name, deviation)
-        if deviation <= abs(value) / 2:
+        if identifiable(value, deviation):
             setattr(measured, name, value)
     return measured, sigma
 
@@ -164,7 +166,8 @@ def _latency(run: RunLog) -> Latency:
     latency.vision = float(np.median(late)) if late else None
     hop = _exposure_to_angle_ms(run, arrival)
     latency.exposure_to_angle_p99 = float(np.percentile(hop, 99)) if hop else None
-    if run.truth.size:
+    t_seen, _, _ = run.swing
+    if run.truth.size and t_seen.size and t_seen[-1] > run.t_settled_s:
         with suppress(AnalysisError):
             latency.alignment = _ms(alignment_s(*run.swing[:2], *run.truth.T[:3]))
     return latency
@@ -174,8 +177,7 @@ def _exposure_to_angle_ms(run: RunLog, arrival: dict[int, int]) -> list[float]:
     """End of exposure to the angle's arrival; vision answers each delivered frame, in order, with one angle."""
     delivered = sorted(run.receipts("frame").items(), key=lambda item: item[1])
     frames = run.frames
-    pairs = zip(delivered, sorted(a.seq for a in run.angles), strict=False)
-    return [(arrival[k] - frames[seq].t_ns) * 1e-6 for (seq, _), k in pairs if k in arrival and seq in frames]
+    return [(arrival[k] - frames[seq].t_ns) * 1e-6 for k, (seq, _) in enumerate(delivered) if k in arrival and seq in frames]
 
 
 def _swing_error(run: RunLog) -> SwingError:
@@ -233,10 +235,10 @@ def _judge(s: Summary, run: RunLog, fit_failure: str) -> None:
     """bad: the run did not end as asked, or says nothing; doubtful: it did, with something to explain."""
     bad = [f"the log is incomplete: {run.log.damage}; what is left was analysed"] if not s.complete else []
     if s.exit_status != "ok":
-        bad += [] if s.reasons else [f"the run ended with exit status '{s.exit_status}'"]
+        bad += [] if s.reasons or bad else [f"the run ended with exit status '{s.exit_status}'"]
     elif run.experiment.camera.rate_hz and fit_failure:
         bad.append(f"no swing could be fitted: {fit_failure}")
-    doubts = _doubts(s)
+    doubts = _doubts(s, run)
     if bad or s.exit_status != "ok":
         s.verdict = "bad"
         s.exit_status = "bad_data" if s.exit_status == "ok" else s.exit_status
@@ -247,14 +249,16 @@ def _judge(s: Summary, run: RunLog, fit_failure: str) -> None:
     s.reasons += bad + doubts
 
 
-def _doubts(s: Summary) -> list[str]:
+def _doubts(s: Summary, run: RunLog) -> list[str]:
     doubts = [f"link '{n}': {row.unexplained} packets unexplained" for n, row in s.links.items() if row.unexplained]
     doubts += [f"link '{n}': {row.lost_kernel} lost by the kernel" for n, row in s.links.items() if row.lost_kernel]
     if s.frames and s.angles_valid < MIN_VALID * s.frames:
         why = ", ".join(f"{reason} {n}" for reason, n in sorted(s.refusals.items()))
         doubts.append(f"{s.angles_valid} of {s.frames} frames gave an angle ({why}); must be >= {MIN_VALID:.0%}")
-    late = s.lateness
-    if late.references_late > MAX_LATE * late.references and not s.links["reference"].lost_link:
+    doubts += [f"no count from {end}: its packets cannot be balanced" for end in run.uncounted]
+    late, faults = s.lateness, run.experiment.links.get("reference")
+    asked_ms = faults.delay_ms + faults.jitter_ms if faults else 0.0
+    if late.references_late > MAX_LATE * late.references and asked_ms * 1e6 < LATE_NS:
         doubts.append(f"{late.references_late} of {late.references} references accepted > 30 ms late: the machine is too busy")
     error = s.swing_error.outside_move_rad
     if error is not None and error > MAX_SWING_ERROR_RAD:

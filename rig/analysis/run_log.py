@@ -17,7 +17,8 @@ from comms.mcap_log import Log, read_log
 from comms.messages import AngleSample, Command, Reference, RobotState, Truth, Verb
 from comms.records import CompressedImage, Event, FrameStamp, LinkRow, Receipts, Timing
 from rig.config import Experiment
-from rig.job import PlanRecord
+from rig.plan_record import PlanRecord
+from rig.streamer import PERIOD_NS
 
 Array = npt.NDArray[np.float64]
 SETTLE_S = 0.30  # after the planned end: the platform lags the plan by about 60 ms
@@ -36,6 +37,10 @@ class RunLog:
         for name in ("experiment.json", "plan.json"):
             if name not in run.log.attachments:
                 raise LogError(f"{path}: cut before '{name}': nothing to analyse it by")
+        try:
+            _ = run.experiment, run.plan, run.world
+        except msgspec.MsgspecError as error:
+            raise LogError(f"{path}: an attachment cannot be read ({error}): damaged, or of another version") from error
         return run
 
     @property
@@ -89,6 +94,23 @@ class RunLog:
         return t[keep], angle[keep], sigma[keep]
 
     @cached_property
+    def single_frames(self) -> tuple[Array, Array, Array]:
+        """Angles of single frames, offset removed, not averaged: for peaks, which an average flattens. As swing; t is rough."""
+        frames = math.sqrt(self.experiment.vision.average_frames)
+        rows = [
+            (a.t_valid_ns * 1e-9, a.raw_rad - (a.offset_rad or 0.0), (a.sigma_rad or 0.0) * frames)
+            for a in self.angles
+            if a.raw_rad is not None
+        ]
+        t, angle, sigma = np.array(rows, dtype=np.float64).reshape(-1, 3).T
+        return t, angle, sigma
+
+    @property
+    def uncounted(self) -> list[str]:
+        """Ends of links whose count never came: "link: task"."""
+        return [line for line in self.log.metadata.get("run.stop", {}).get("uncounted", "").splitlines() if line]
+
+    @cached_property
     def truth(self) -> Array:
         """(N, 4): instant [s], angle [rad], rate [rad/s], platform x [m]; (0, 4) on a real rig."""
         rows = [(t.t_ns * 1e-9, t.angle_rad, t.angular_velocity_rad_s, t.position_m[0]) for t in self.log.read("/truth", Truth)]
@@ -104,7 +126,7 @@ class RunLog:
     def planned_m(self, t_s: Array) -> Array:
         """Planned x [m] at t_s (N,), at rest before and after."""
         x = np.array([p[0] for p in self.plan.positions_m])
-        grid = (self.t_start_s or 0.0) + 0.01 * np.arange(x.size)
+        grid = (self.t_start_s or 0.0) + PERIOD_NS * 1e-9 * np.arange(x.size)
         return np.asarray(np.interp(t_s, grid, x), dtype=np.float64)
 
     def receipts(self, channel: str) -> dict[int, int]:

@@ -130,3 +130,10 @@ class Summary(msgspec.Struct, kw_only=True):
     cpu_share: dict[str, float] = {}  # of one core, by process, while the run was under way; wall mode only
     scheduling: dict[str, str] = {}  # fifo or other, by task; wall mode only
     events: list[str] = []
+
+    @property
+    def headline(self) -> str:
+        """What was done, in a line."""
+        if self.move_time_s == 0:
+            return f"{self.experiment}: watched, nothing moved"
+        return f"{self.experiment}: {self.planner}, {self.move_m:g} m in {self.move_time_s:g} s"

@@ -35,7 +35,7 @@ def analyze(
         print_json(analysis.summary)
     else:
         print_summary(analysis.summary)
-        out.print(f"[bold]{analysis.run.log.path}[/bold]")
+        out.print(str(analysis.run.log.path), style="bold")
     return analysis.summary.exit_code
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -13,7 +14,7 @@ from rig import calibrate as calibration_run
 from rig import calibration_file, config, experiment
 from rig.analysis.run_log import RunLog
 from rig.cli.output import err, out, print_json
-from rig.errors import RigError
+from rig.errors import Stopped
 from rig.operator import Operator
 from rig.runs import LOG
 
@@ -28,7 +29,9 @@ def _calibrate() -> None:
 @app.command()
 def offsets(
     virtual: Annotated[bool, typer.Option("--virtual", help="In virtual time.")] = False,
-    output: Annotated[Path | None, typer.Option("--out", help="File to write [default: <date>_<camera>.toml here].")] = None,
+    output: Annotated[
+        Path | None, typer.Option("--out", help="File to write; calibration_<date>_<camera>.toml here otherwise.")
+    ] = None,
     name: Annotated[str, typer.Option("--experiment", help="Rig, links and belief to calibrate with.")] = "move",
     seed: Annotated[int | None, typer.Option(help="Seed of the picture noise.")] = None,
     overrides: Annotated[list[str] | None, typer.Option("--set", help="section.key=value, again and again.")] = None,
@@ -49,9 +52,7 @@ def offsets(
 
         ran = experiment.run(chosen, "virtual" if virtual else "wall", runs, progress, lambda job, plan: None, tour.motion)
     if ran.outcome.exit_code:
-        error = RigError("; ".join(ran.outcome.reasons))
-        error.exit_code = ran.outcome.exit_code
-        raise error
+        raise Stopped("; ".join(ran.outcome.reasons), ran.outcome.exit_code)
     found, calibration = calibration_run.fit(RunLog.open(ran.folder / LOG), tour.stands_s)
     path = output or calibration_run.default_path(Path(), calibration)
     calibration_file.save(calibration, path)
@@ -68,5 +69,5 @@ def offsets(
     out.print(
         f"pivot at home ({found.pivot_home_px[0]:.2f}, {found.pivot_home_px[1]:.2f}) px{row}, {found.pixels_per_m:.2f} px/m"
     )
-    out.print(f"[bold]{path}[/bold]  use it with --set vision.calibration={path}")
+    out.print(f"{path}  use it with --set vision.calibration={shlex.quote(str(path))}", style="bold")
     return 0

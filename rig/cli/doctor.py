@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 from rich.table import Table
+from rich.text import Text
 
 from rig.cli.output import err, out, print_json
 from rig.config import NetworkSection
@@ -30,7 +31,7 @@ def doctor(
         return REFUSED if failed else 0
     table = Table(show_header=False)
     for check in checks:
-        table.add_row(f"[{COLOUR[check.status]}]{check.status}[/]", check.name, check.found, check.advice)
+        table.add_row(Text(check.status, style=COLOUR[check.status]), check.name, check.found, check.advice)
     out.print(table)
-    out.print("[red]a run would fail[/red]" if failed else "ready to run: `rig run`")
+    out.print("a run would fail" if failed else "ready to run: `rig run`", style="red" if failed else "green")
     return REFUSED if failed else 0

@@ -11,7 +11,7 @@ from planners.errors import PlanError
 from rig.analysis.errors import AnalysisError
 from rig.cli import analyze, calibrate, doctor, plan, run, sim, stop, track
 from rig.cli.output import print_json
-from rig.errors import BAD_DATA, REFUSED, STOPPED, USAGE, RigError
+from rig.errors import BAD_DATA, EXIT_STATUS, REFUSED, USAGE, RigError
 from vision.errors import VisionError
 
 KNOWN = (RigError, CommsError, PlanError, VisionError, AnalysisError)
@@ -42,13 +42,19 @@ app.add_typer(calibrate.app, name="calibrate")
 
 
 def main() -> None:
-    """Entry point of `rig`."""
+    """Run the command line; ends in SystemExit."""
     try:
-        app()  # ends in SystemExit, with exit code 2 for wrong usage
+        app()
     except KNOWN as error:
         sys.exit(_fail(str(error), _exit_code(error)))
     except OSError as error:
-        sys.exit(_fail(f"{error.filename or 'system'}: {error.strerror or error}; make room or name another place", REFUSED))
+        code = (
+            USAGE
+            if isinstance(error, FileNotFoundError | PermissionError | NotADirectoryError | IsADirectoryError)
+            else REFUSED
+        )
+        hint = "name another place" if code == USAGE else "make room or name another place"
+        sys.exit(_fail(f"{error.filename or 'system'}: {error.strerror or error}; {hint}", code))
 
 
 def _exit_code(error: Exception) -> int:
@@ -56,18 +62,11 @@ def _exit_code(error: Exception) -> int:
         return error.exit_code
     if isinstance(error, PlanError):
         return USAGE
-    if isinstance(error, LogError | VisionError | AnalysisError):
-        return BAD_DATA
-    return REFUSED
+    return BAD_DATA if isinstance(error, LogError | VisionError | AnalysisError) else REFUSED
 
 
 def _fail(message: str, code: int) -> int:
-    status = {STOPPED: "stopped", BAD_DATA: "bad_data"}.get(code, "fault")
-    if "--json" in sys.argv:
-        print_json({"exit_status": status, "exit_code": code, "verdict": "bad", "reasons": [message]})
+    if "--json" in sys.argv[1:]:
+        print_json({"exit_status": EXIT_STATUS[code], "exit_code": code, "verdict": "bad", "reasons": [message]})
     print(f"rig: {message}", file=sys.stderr)
     return code
-
-
-if __name__ == "__main__":
-    main()

@@ -12,8 +12,8 @@ from rich.table import Table
 
 from rig.analysis.summary import QUANTITIES, LinkSummary, Quantities, Summary
 
-out = Console(highlight=False, soft_wrap=True)
-err = Console(stderr=True, highlight=False, soft_wrap=True)
+out = Console(highlight=False, soft_wrap=True, markup=False)
+err = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
 
 COLOUR = {"good": "green", "doubtful": "yellow", "bad": "red"}
 
@@ -40,15 +40,15 @@ def print_summary(s: Summary) -> None:
     if s.links:
         out.print(_ledger(s.links))
     for event in s.events:
-        out.print(f"[dim]{event}[/dim]")
-    out.print(f"verdict: [{COLOUR[s.verdict]} bold]{s.verdict}[/] ({s.exit_status}, {s.mode})")
+        out.print(event, style="dim")
+    out.print(f"verdict: {s.verdict} ({s.exit_status}, {s.mode})", style=f"{COLOUR[s.verdict]} bold")
     for reason in s.reasons:
         out.print(f"  - {reason}")
 
 
 def _quantities(s: Summary) -> Table:
-    table = Table(title=f"{s.experiment}: {s.planner}, {s.move_m:g} m in {s.move_time_s:g} s", title_justify="left")
-    for name in ("", "planned", "measured", "true"):
+    table = Table(title=s.headline, title_justify="left")
+    for name in ("", "planned", "measured ± noise", "true"):
         table.add_column(name, justify="left" if not name else "right")
     for row in QUANTITIES:
         planned, true = getattr(s.planned, row.key, None), getattr(s.truth or Quantities(), row.key)
@@ -75,13 +75,15 @@ def _delays(s: Summary) -> str:
             f"processors: {sum(s.cpu_share.values()):.0%} of one core ({shares}); real-time: {', '.join(fifo) or 'none'}"
         )
     if error.outside_move_rad is not None:
-        inside = f"{error.during_move_rad * 1e3:.3f}" if error.during_move_rad is not None else "-"
-        words.append(f"measured minus true swing: {inside} mrad rms in the move, {error.outside_move_rad * 1e3:.3f} outside")
+        inside = f"{error.during_move_rad * 1e3:.3f} mrad rms in the move, " if error.during_move_rad is not None else ""
+        words.append(
+            f"measured minus true swing: {inside}{error.outside_move_rad * 1e3:.3f} mrad rms {'outside' if inside else ''}"
+        )
     return "\n".join(words)
 
 
 def _ms(value: float | None) -> str:
-    return "-" if value is None else f"{value:.1f} ms"
+    return "-" if value is None else f"{value + 0.0:.1f} ms".replace("-0.0", "0.0")
 
 
 def _ledger(links: dict[str, LinkSummary]) -> Table:

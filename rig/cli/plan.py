@@ -24,13 +24,13 @@ SAMPLE_S = 0.01
 
 def plan(
     planner: Annotated[str, typer.Option(help=f"One of: {', '.join(catalog.PLANNERS)}.")] = "matrix_exponential",
-    distance: Annotated[float, typer.Option(help="Distance [m].")] = 0.2,
-    time: Annotated[float, typer.Option(help="Time of the move [s].")] = 1.5,
-    length: Annotated[float, typer.Option(help="Believed cable length [m].")] = 1.0,
+    distance: Annotated[float, typer.Option(help="Distance in m.")] = 0.2,
+    time: Annotated[float, typer.Option(help="Time of the move in s.")] = 1.5,
+    length: Annotated[float, typer.Option(help="Believed cable length in m.")] = 1.0,
     damping: Annotated[float, typer.Option(help="Believed damping ratio.")] = 0.0,
-    speed_limit: Annotated[float, typer.Option(help="Limit on speed [m/s].")] = LimitsSection().speed_m_s,
+    speed_limit: Annotated[float, typer.Option(help="Limit on speed in m/s.")] = LimitsSection().speed_m_s,
     acceleration_limit: Annotated[
-        float, typer.Option(help="Limit on acceleration [m/s²].")
+        float, typer.Option(help="Limit on acceleration in m/s².")
     ] = LimitsSection().acceleration_m_s2,
     csv_file: Annotated[Path | None, typer.Option("--csv", help="Write t, x, v, a every 10 ms.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")] = False,
@@ -50,7 +50,7 @@ def plan(
     else:
         out.print(_table(made))
         for reason in made.reasons:
-            out.print(f"[yellow]over limits:[/yellow] {reason}")
+            out.print(f"over limits: {reason}", style="yellow")
     return REFUSED if made.reasons else 0
 
 

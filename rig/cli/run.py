@@ -16,7 +16,8 @@ from rig import config, experiment
 from rig.analysis.analyze import Analysis
 from rig.analysis.summary import Summary
 from rig.cli.output import err, out, print_json, print_summary
-from rig.job import Job
+from rig.errors import STOPPED, Stopped
+from rig.job import Job, plan_move
 from rig.operator import Operator
 from rig.runs import LOG
 
@@ -35,11 +36,13 @@ def run(
 ) -> int:
     """Run an experiment: plan, show, move, watch, log, analyse, report."""
     changes = [*(overrides or []), *([f"experiment.seed={seed}"] if seed is not None else [])]
-    planners = planner.split(",") if planner else [None]
-    summaries = []
-    for one in planners:
-        chosen = config.load(name, [*changes, *([f"experiment.planner={one}"] if one else [])])
-        summaries.append(_run_one(chosen, "virtual" if virtual else "wall", runs, as_json, report))
+    planners = [one.strip() for one in planner.split(",") if one.strip()] if planner else [None]
+    chosen = [config.load(name, [*changes, *([f"experiment.planner={one}"] if one else [])]) for one in planners]
+    for experiment_file in chosen:  # all must be plannable before the first one moves
+        plan_move(experiment_file)
+    summaries: list[Summary] = []
+    for experiment_file in chosen:
+        summaries.append(_run_one(experiment_file, "virtual" if virtual else "wall", runs, as_json, report))
         if summaries[-1].exit_code in (3, 4, 5):
             break
     if as_json:
@@ -69,6 +72,14 @@ def _run_one(chosen: config.Experiment, mode: str, runs: Path, quiet: bool, repo
                 err.print(_announcement(job, plan, mode, stopwatch_s() - began))
 
         ran = experiment.run(chosen, "virtual" if mode == "virtual" else "wall", runs, progress, before)
+    try:
+        return _tell(ran, quiet, report, stopwatch_s() - began)
+    except KeyboardInterrupt:
+        raise Stopped(f"stopped while analysing; the log is kept: rig analyze {ran.folder}", STOPPED) from None
+
+
+def _tell(ran: experiment.Ran, quiet: bool, report: bool, run_s: float) -> Summary:
+    """Analyse, report and print what was run."""
     ended = stopwatch_s()
     analysis = Analysis(ran.folder / LOG)
     analysed = stopwatch_s()
@@ -80,11 +91,11 @@ def _run_one(chosen: config.Experiment, mode: str, runs: Path, quiet: bool, repo
         print_summary(analysis.summary)
         simulated = analysis.run.plan.duration_s
         out.print(
-            f"run {ended - began:.2f} s (loop {ran.outcome.loop_s:.2f} s for {simulated:.1f} s of rig: "
+            f"run {run_s:.2f} s (loop {ran.outcome.loop_s:.2f} s for {simulated:.1f} s of rig: "
             f"{simulated / ran.outcome.loop_s:.1f} x real time), analysis {analysed - ended:.2f} s, "
             f"report {stopwatch_s() - analysed:.2f} s"
         )
-        out.print(f"[bold]{ran.folder}[/bold]  run.mcap" + ("  report.html" if report else ""))
+        out.print(f"{ran.folder}  run.mcap" + ("  report.html" if report else ""), style="bold")
     return analysis.summary
 
 
@@ -118,11 +129,11 @@ def _announcement(job: Job, plan: Plan | None, mode: str, plan_s: float) -> Tabl
             f"peak swing {m.peak_swing_rad * 1e3:.1f} mrad, residual {m.residual_swing_nonlinear_rad * 1e3:.2f} mrad",
         )
     else:
-        table.add_row("plan", "nothing moves")
+        table.add_row("plan", "nothing moves" if job.plan.time_s == 0 else "from point to point")
     table.add_row("time", f"{job.plan.quiet_s:g} s quiet, {job.plan.time_s:g} s move, {job.plan.watch_s:g} s watching")
     links = [f"{name} ({_faults(f)})" for name, f in e.links.items()]
     table.add_row("links", ", ".join(links) or "as they are")
-    table.add_row("calibration", job.calibration if e.camera.rate_hz else "no camera")
+    table.add_row("calibration", job.calibration_name if e.camera.rate_hz else "no camera")
     return table
 
 
@@ -134,7 +145,7 @@ def _faults(f: LinkFaults) -> str:
 
 
 def _comparison(summaries: list[Summary]) -> Table:
-    table = Table(title="planners compared: residual swing [mrad]", title_justify="left")
+    table = Table(title="planners compared: residual swing, mrad", title_justify="left")
     for name in ("planner", "planned", "measured", "true", "verdict"):
         table.add_column(name, justify="left" if name == "planner" else "right")
     for s in summaries:

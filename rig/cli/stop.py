@@ -23,6 +23,10 @@ def stop(
     """Stop every experiment running under RUNS, in order: the robot first, then the log is closed."""
     running = [(p, *_read(p)) for p in sorted(runs.glob("*/operator.json"))]
     alive = [(p, address) for p, address, pid in running if _alive(pid)]
+    for path, _, pid in running:
+        if not _alive(pid):
+            out.print(f"{path.parent.name}: its operator (process {pid}) is gone; its tasks stop by themselves within a second")
+            path.unlink(missing_ok=True)
     if not alive:
         raise RigError(f"nothing is running under {runs}; name another folder with --runs")
     code = 0
@@ -41,6 +45,8 @@ def _read(path: Path) -> tuple[str, int]:
 def _alive(pid: int) -> bool:
     try:
         os.kill(pid, 0)
-    except OSError:
+    except ProcessLookupError:
         return False
+    except PermissionError:  # another user's
+        return True
     return True

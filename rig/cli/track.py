@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 from collections import Counter
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -11,6 +12,7 @@ import typer
 
 from rig.cli.output import out, print_json
 from rig.errors import BAD_DATA, ConfigError
+from vision.errors import VisionError
 
 FIELDS = ("frame", "t_s", "angle_rad", "sigma_rad", "valid", "reason")
 
@@ -33,7 +35,11 @@ def track(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")] = False,
 ) -> int:
     """Cable angle in every frame of a video; exit 6 when no frame shows a cable through the pivot."""
+    if not video.is_file():
+        raise ConfigError(f"{video}: {'a folder' if video.is_dir() else 'no such file'}; name a video file")
     rows = list(_rows(video, _pivot(pivot)))
+    if not rows:
+        raise VisionError(f"{video}: no frame could be read: the file is cut short or empty; record it again")
     if csv_file is not None:
         with csv_file.open("w", newline="") as file:
             writer = csv.writer(file)
@@ -53,7 +59,7 @@ def track(
         angles = [row.angle_rad or 0.0 for row in valid]
         out.print(f"angle from {min(angles) * 1e3:.2f} to {max(angles) * 1e3:.2f} mrad")
     for reason in reasons:
-        out.print(f"[red]{reason}[/red]")
+        out.print(reason, style="red")
     return code
 
 
@@ -62,6 +68,8 @@ def _pivot(text: str) -> tuple[float, float]:
         x, y = (float(part) for part in text.split(","))
     except ValueError:
         raise ConfigError(f"--pivot '{text}': must be X,Y in pixels, for example --pivot 320,-40") from None
+    if not math.isfinite(x + y):
+        raise ConfigError(f"--pivot '{text}': must be two finite numbers of pixels, for example --pivot 320,-40")
     return x, y
 
 

@@ -9,7 +9,7 @@ import msgspec
 
 from comms.task import Task
 from rig.config import Experiment, convert
-from rig.errors import ConfigError
+from rig.errors import ConfigError, Refused
 from sim_rig.camera import Pinhole
 from sim_rig.params import BenchParams, Camera, Pendulum, Robot, View
 from sim_rig.task import BenchTask
@@ -20,13 +20,14 @@ TruthRow = tuple[int, float, float, Any]  # frame, t_s, angle_rad, BGR picture
 def params(experiment: Experiment) -> BenchParams:
     """The world of an experiment; raises ConfigError naming section, key, value and bound."""
     bench, view = experiment.bench, experiment.camera
+    if bench.kind != "simulated":
+        raise Refused("[bench] kind = 'external': no other bench can be talked to yet; must be 'simulated'")
     try:
         return BenchParams(
             pendulum=convert(bench.pendulum, Pendulum, "bench.pendulum"),
             robot=convert(bench.robot, Robot, "bench.robot"),
             camera=convert(bench.camera, Camera, "bench.camera"),
             view=View(width=view.width, height=view.height, rate_hz=view.rate_hz),
-            start_m=(experiment.move.start_m, 0.0, 0.0),
             seed=experiment.experiment.seed,
         )
     except ValueError as error:

@@ -6,16 +6,18 @@ import os
 import platform
 import subprocess
 from collections.abc import Callable
+from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-from comms.clock import new_run_clock, stopwatch_s, utc_now
+from comms.clock import MonotonicClock, new_run_clock, stopwatch_s, utc_now
+from comms.errors import CommsError
 from comms.link import LinkCount
 from comms.task import Task
 from rig import runs
 from rig.controller.task import Controller
-from rig.errors import BAD_DATA, FAULT, OK, REFUSED, STOPPED
+from rig.errors import EXIT_STATUS, FAULT, REFUSED, RigError, RunFailed
 from rig.job import Job
 from rig.operator import Operator
 from rig.recorder import Recorder
@@ -27,7 +29,6 @@ from rig.streamer import Streamer
 
 Mode = Literal["wall", "virtual"]
 Progress = Callable[[int, Operator], None]  # run clock [ns]; called often
-EXIT_STATUS = {OK: "ok", STOPPED: "stopped", REFUSED: "stopped", FAULT: "fault", BAD_DATA: "bad_data"}
 PACKAGES = ("swayless", "numpy", "scipy", "opencv-python-headless", "pyzmq", "mcap", "msgspec")
 
 
@@ -44,47 +45,42 @@ def execute(job: Job, mode: Mode, folder: Path, progress: Progress) -> Outcome:
     """Run a job and leave run.mcap in folder. Raises what kept it from starting; the log is closed even then."""
     operator = Operator(list(job.settings), round(job.plan.duration_s * 1e9))
     recorder = Recorder(folder / runs.LOG, _start(job, mode, folder), job.attachments())
+    stop: dict[str, str] = {}
     rows: dict[str, LinkCount] = {}
-    digest, code, reasons = None, FAULT, ["the run was cut off"]
-    began, end_ns = stopwatch_s(), 0
-    cpu_share: dict[str, float] = {}
-    scheduling: dict[str, str] = {}
-    try:
-        with Interrupts() as interrupts:
+    began, end_ns, code, reasons = stopwatch_s(), 0, FAULT, ["the run was cut off"]
+    with Interrupts() as interrupts:
+        try:
             if mode == "virtual":
                 runner = _virtual(job, operator, recorder, progress, interrupts)
-                rows, digest = runner.run(), runner.digest
-                end_ns = runner.t_ns
-                for event in operator.events:
-                    recorder.record(event, event.t_ns)
+                rows, end_ns = runner.run(), runner.t_ns
+                stop["digest"] = runner.digest
             else:
                 clock = new_run_clock()
-                processes = ProcessRunner(
-                    job.settings, operator, clock, recorder, interrupts, lambda t_ns: progress(t_ns, operator), folder
-                )
-                e = job.experiment
-                rows = processes.run(
-                    e.network.bind, e.network.base_port, e.experiment.seed, dict(e.links), e.record.pictures_hz
-                )
-                end_ns, cpu_share, scheduling = clock.now_ns(), processes.cpu_share, processes.scheduling
-        code, reasons = operator.exit_code, operator.reasons
-    except Exception as error:
-        reasons = [str(error)]
-        raise
-    finally:
-        loop_s = stopwatch_s() - began
-        stop = {
-            "exit_status": EXIT_STATUS[code],
-            "exit_code": str(code),
-            "reasons": "\n".join(reasons),
-            "digest": digest or "",
-            "loop_s": f"{loop_s:.4f}",
-            "cpu_share": " ".join(f"{name}={share:.4f}" for name, share in cpu_share.items()),
-            "scheduling": " ".join(f"{name}={policy}" for name, policy in scheduling.items()),
-            "utc": utc_now().isoformat(),
-        }
-        recorder.close(rows, stop, end_ns)
-    return Outcome(code, reasons, digest, loop_s)
+                rows, stop = _wall(job, operator, recorder, progress, interrupts, clock, folder)
+                end_ns = clock.now_ns()
+            code, reasons = operator.exit_code, operator.reasons
+        except (RigError, CommsError) as error:
+            code, reasons = _exit_code(error), [str(error)]
+            raise
+        except OSError as error:
+            reasons = [f"the run broke off, the robot was stopped: {error}"]
+            raise RunFailed(reasons[0]) from error
+        finally:
+            loop_s = stopwatch_s() - began
+            stop |= {
+                "exit_status": EXIT_STATUS[code],
+                "exit_code": str(code),
+                "reasons": "\n".join(reasons),
+                "loop_s": f"{loop_s:.4f}",
+                "utc": utc_now().isoformat(),
+            }
+            with suppress(OSError):  # a full disk: what is on it stays readable
+                recorder.close(rows, stop, end_ns)
+    return Outcome(code, reasons, stop.get("digest"), loop_s)
+
+
+def _exit_code(error: Exception) -> int:
+    return error.exit_code if isinstance(error, RigError) else REFUSED
 
 
 def _virtual(job: Job, operator: Operator, recorder: Recorder, progress: Progress, interrupts: Interrupts) -> VirtualRunner:
@@ -112,6 +108,27 @@ def make_task(name: str, settings: Any) -> Task:
     return Controller(settings) if name == "controller" else Streamer(settings)
 
 
+def _wall(
+    job: Job,
+    operator: Operator,
+    recorder: Recorder,
+    progress: Progress,
+    interrupts: Interrupts,
+    clock: MonotonicClock,
+    folder: Path,
+) -> tuple[dict[str, LinkCount], dict[str, str]]:
+    """The settled ledger, and what the stop metadata should know."""
+    e = job.experiment
+    runner = ProcessRunner(job.settings, operator, clock, recorder, interrupts, lambda t: progress(t, operator), folder)
+    rows = runner.run(e.network.bind, e.network.base_port, e.experiment.seed, dict(e.links), e.record.pictures_hz)
+    notes = {
+        "cpu_share": " ".join(f"{name}={share:.4f}" for name, share in runner.cpu_share.items()),
+        "scheduling": " ".join(f"{name}={policy}" for name, policy in runner.scheduling.items()),
+        "uncounted": "\n".join(runner.uncounted),
+    }
+    return rows, notes
+
+
 def _start(job: Job, mode: Mode, folder: Path) -> dict[str, str]:
     e = job.experiment.experiment
     commit, dirty = _git()
@@ -122,7 +139,7 @@ def _start(job: Job, mode: Mode, folder: Path) -> dict[str, str]:
         "mode": mode,
         "seed": str(e.seed),
         "purpose": e.purpose,
-        "calibration": job.calibration,
+        "calibration": job.calibration_name,
         "utc": utc_now().isoformat(),
         "clock": "CLOCK_MONOTONIC from the operator's start" if mode == "wall" else "virtual",
         "operator": os.environ.get("USER", "unknown"),

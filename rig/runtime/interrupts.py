@@ -1,20 +1,23 @@
-"""Ctrl-C and SIGTERM, counted instead of raised: once = stop in order, twice = stop now."""
+"""Ctrl-C, SIGTERM and a closed terminal, counted instead of raised: once = stop in order, twice = stop now."""
 
 from __future__ import annotations
 
 import signal
 from types import FrameType, TracebackType
 
+NAMES = {signal.SIGINT: "Ctrl-C", signal.SIGTERM: "SIGTERM", signal.SIGHUP: "the terminal was closed"}
+
 
 class Interrupts:
-    """Counts SIGINT and SIGTERM while it is open."""
+    """Counts SIGINT, SIGTERM and SIGHUP while it is open."""
 
     def __init__(self) -> None:
         self.count = 0
+        self.what = ""  # the newest one
         self._before: dict[signal.Signals, object] = {}
 
     def __enter__(self) -> Interrupts:
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in NAMES:
             self._before[number] = signal.signal(number, self._hear)
         return self
 
@@ -24,3 +27,4 @@ class Interrupts:
 
     def _hear(self, number: int, frame: FrameType | None) -> None:
         self.count += 1
+        self.what = NAMES[signal.Signals(number)]

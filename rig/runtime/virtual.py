@@ -12,19 +12,18 @@ import struct
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 
-from comms.channels import CHANNELS, DATA
+from comms.channels import CHANNELS, DATA, MS
 from comms.codec import encode
+from comms.ends import admit
 from comms.link import LinkCount, LinkFaults, LinkModel, SequenceWindow, settle
 from comms.messages import Command, Frame, Message, Reply, Verb
 from comms.records import Receipts, Timing
-from comms.runner import admit
 from comms.task import Step, Task
 from rig.errors import STOPPED
 from rig.operator import Operator
 from rig.recorder import Recorder
 from rig.runtime.interrupts import Interrupts
 
-MS = 1_000_000  # ns
 RECEIPTS = 512  # rows a record
 PROGRESS_NS = 250 * MS
 _STAMP = struct.Struct("<qB")
@@ -96,7 +95,7 @@ class VirtualRunner:
         self._progress_ns = t_ns + PROGRESS_NS
         self._progress(t_ns)
         if self._interrupts.count:
-            self._carry_out("operator", self._operator.end("stopped by the operator (Ctrl-C)", STOPPED, t_ns))
+            self._carry_out("operator", self._operator.end(f"stopped by the operator ({self._interrupts.what})", STOPPED, t_ns))
 
     @property
     def digest(self) -> str:
@@ -171,6 +170,8 @@ class VirtualRunner:
         for task in self._tasks.values():
             timing = Timing(task=task.name, t_ns=self.t_ns, late_ticks=task.late_ticks, lateness_ns=[])
             self._recorder.record(timing, self.t_ns)
+        for event in self._operator.events:
+            self._recorder.record(event, event.t_ns)
         rows = {name: settle(link.sender, link.reader) for name, link in self._links.items()}
         return rows | {"truth": LinkCount(sent=self._truths, delivered=self._recorder.counts.get("truth", 0))}
 
