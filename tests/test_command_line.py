@@ -176,7 +176,7 @@ MISTAKES = {
     "a shaper that has no time": (["plan", "--planner", "zv", "--time", "0.9"], 2, "1.00"),
     "a plan without time": (["plan", "--time", "0"], 2, "must be > 0"),
     "a run that is not there": (["analyze", "nothing"], 2, "no such run"),
-    "a video that is not there": (["track", "none.avi", "--pivot", "1,2"], 6, "no such file"),
+    "a video that is not there": (["track", "none.avi", "--pivot", "1,2"], 2, "no such file"),
     "a pivot that is none": (["track", "none.avi", "--pivot", "left"], 2, "must be X,Y"),
     "a calibration that is not there": (["run", "--set", "vision.calibration=x.toml"], 2, "no such file"),
     "an option that is none": (["run", "--virtuel"], 2, "virtuel"),

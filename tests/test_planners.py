@@ -255,7 +255,7 @@ def test_the_state_space_is_the_slope_of_the_true_pendulum_at_rest():
         ({"time_s": 0.0}, r"time_s = 0\.0; must be > 0"),
         ({"time_s": math.nan}, "time_s = nan"),
         ({"time_s": 1e6}, "periods of the load; must be <= 1000"),
-        ({"distance_m": math.inf}, "distance_m = inf; must be finite"),
+        ({"distance_m": math.inf}, "distance_m = inf; must be within"),
         ({"start_m": math.nan}, "start_m = nan"),
         ({"axis": "z"}, "axis = 'z'; must be one of x, y"),
         ({"input": "acceleraton"}, "did you mean 'acceleration'"),

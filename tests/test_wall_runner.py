@@ -245,9 +245,7 @@ def test_a_task_is_admitted_ordered_answered_and_leaves_a_balanced_ledger(operat
     assert rows["reference"] == LinkCount(
         delivered=PACKETS, late=rows["reference"].late, duplicated=1, rejected={"length": 1, "crc": 1}
     )
-    assert (
-        settle(LinkCount(sent=PACKETS + 1), rows["reference"]).unexplained == 0
-    )  # copy and cut one are nobody's
+    assert settle(LinkCount(sent=PACKETS + 1), rows["reference"]).unexplained == 0  # copy and cut one are nobody's
     model = LinkModel(LOSSY, 5, 6)
     kept = [seq for seq in range(PACKETS + 1) if model.delay_ns(seq) is not None]
     assert [message.seq for message in got] == kept  # the last word among them, sent while it stopped

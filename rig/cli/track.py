@@ -35,9 +35,10 @@ def track(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")] = False,
 ) -> int:
     """Cable angle in every frame of a video; exit 6 when no frame shows a cable through the pivot."""
+    pivot_px = _pivot(pivot)
     if not video.is_file():
         raise ConfigError(f"{video}: {'a folder' if video.is_dir() else 'no such file'}; name a video file")
-    rows = list(_rows(video, _pivot(pivot)))
+    rows = list(_rows(video, pivot_px))
     if not rows:
         raise VisionError(f"{video}: no frame could be read: the file is cut short or empty; record it again")
     if csv_file is not None:
