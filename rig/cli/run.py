@@ -56,7 +56,7 @@ def _run_one(chosen: config.Experiment, mode: str, runs: Path, quiet: bool, repo
     began = stopwatch_s()
     bar = Progress(
         TextColumn("{task.description:12}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"), TimeRemainingColumn(),
-        console=err, disable=quiet, transient=True, refresh_per_second=4,
+        console=err, disable=quiet, transient=True, refresh_per_second=2,
     )  # fmt: skip
     with bar:
         line = bar.add_task("connecting", total=None)

@@ -31,7 +31,7 @@ from rig.runtime.interrupts import Interrupts
 
 BUS_PORTS = 3  # base_port .. base_port + 2 are the operator's, the channels follow
 HEARTBEAT_NS = 200 * MS
-LOOK_MS = 20  # longest wait for words, interrupts and the clock
+LOOK_MS = 40  # longest wait for words, interrupts and the clock
 GLANCE_NS = 100 * MS  # between glances at children, disk and screen
 LEAVE_NS = 3_000 * MS  # for tasks to drain and report after the close order, beyond the links' own delay
 LAST_WORDS_MS = 50  # what a task that is gone had still under way
