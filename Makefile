@@ -20,7 +20,7 @@ demo: $(READY)
 	$(BIN)/rig run move
 
 test: $(READY)
-	$(THREADS) $(BIN)/python -m pytest -n 2
+	$(THREADS) $(BIN)/python -m pytest -n 2 --dist loadgroup
 
 check: $(READY)
 	$(BIN)/ruff format --check .

@@ -32,7 +32,7 @@ LONGEST_WAIT_NS = 50 * MS  # the edge of a ZeroMQ descriptor can be missed; look
 RECORD_EVERY_NS = 250 * MS
 TAP_EVERY_NS = 50 * MS  # taps leave together: a message each would wake the operator a thousand times a second
 DRAIN_NS = 200 * MS  # after the last send, beyond the link's own delay
-OPERATOR_SILENT_NS = 1_000 * MS  # five heartbeats; then the operator is gone, and the robot stops where it is
+OPERATOR_SILENT_NS = 2_000 * MS  # ten heartbeats; then the operator is gone, and the robot stops where it is
 ADMISSION_NS = 30_000 * MS  # the slowest task's imports on a busy machine
 ORPHANED, REFUSED = 5, 3  # exit codes
 

@@ -83,6 +83,7 @@ class SafetySection(Section, frozen=True, kw_only=True):
     speed_m_s: Positive | None = None
     acceleration_m_s2: Positive | None = None
     reference_stale_ms: Annotated[float, Meta(ge=30, le=60_000)] = 300.0
+    robot_stale_ms: Annotated[float, Meta(ge=20, le=60_000)] = 100.0
     angle_stale_ms: Annotated[float, Meta(ge=100, le=60_000)] = 300.0
     initial_swing_rad: Annotated[float, Meta(ge=0, le=1.6)] = 0.01  # a load swinging more before the start is refused
 

@@ -91,7 +91,10 @@ def prepare(experiment: Experiment, plan: Plan | None, motion: Motion | None = N
     name, calibration = calibration_file.find(experiment)
     settings: dict[str, Any] = {
         "bench": bench.params(experiment),
-        "controller": ControllerSettings(reference_stale_ns=round(experiment.safety.reference_stale_ms * MS)),
+        "controller": ControllerSettings(
+            reference_stale_ns=round(experiment.safety.reference_stale_ms * MS),
+            robot_stale_ns=round(experiment.safety.robot_stale_ms * MS),
+        ),
         "vision": _vision(experiment, calibration),
         "streamer": _streamer(experiment, record, envelope),
     }
@@ -166,6 +169,7 @@ def _streamer(experiment: Experiment, record: PlanRecord, envelope: Envelope) ->
         move_ticks=(first, last) if record.time_s else (0, 0),
         envelope=envelope,
         angle_stale_ns=round(experiment.safety.angle_stale_ms * MS) if experiment.camera.rate_hz > 0 else 0,
+        robot_stale_ns=round(experiment.safety.robot_stale_ms * MS),
         natural_frequency_rad_s=belief(experiment).natural_frequency_rad_s,
         initial_swing_rad=experiment.safety.initial_swing_rad,
     )

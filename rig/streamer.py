@@ -21,7 +21,6 @@ from rig.safety import Envelope, Gate
 
 PERIOD_NS = 10 * MS
 IN_PLACE_M = 0.002  # farther from the start of the move than this, the robot would be pulled there in 30 ms
-ROBOT_STALE_NS = 100 * MS
 
 
 class StreamerSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -31,6 +30,7 @@ class StreamerSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
     move_ticks: tuple[int, int]  # first and last tick of the move; (0, 0) = nothing moves
     envelope: Envelope
     angle_stale_ns: int  # 0 = no camera
+    robot_stale_ns: int = 100 * MS  # older news of the robot's place do not let a plan start
     natural_frequency_rad_s: float  # belief, to tell a swinging load before the start
     initial_swing_rad: float  # more than this before the start is refused
 
@@ -166,9 +166,9 @@ class Streamer:
         if t_start_ns < t_ns:
             late_ms = (t_ns - t_start_ns) / MS
             return f"start refused: t_start is {late_ms:.0f} ms past; must lie ahead: is this machine too busy?"
-        if self._robot is None or t_ns - self._robot_ns > ROBOT_STALE_NS:
+        if self._robot is None or t_ns - self._robot_ns > self._settings.robot_stale_ns:
             last = f"is {(t_ns - self._robot_ns) / MS:.0f} ms old" if self._robot else "never came"
-            bound = f"must be <= {ROBOT_STALE_NS / MS:.0f} ms old"
+            bound = f"must be <= {self._settings.robot_stale_ns / MS:.0f} ms old"
             return f"start refused: the robot's state {last}; {bound}: are controller and bench running?"
         here, first = self._robot.actual_m, self._settings.positions_m[0]
         if not math.dist(here, first) <= IN_PLACE_M:

@@ -265,7 +265,7 @@ def test_silent_encoders_are_a_fault_after_100_ms(verbs: tuple[Verb, ...]) -> No
     ((k, told),) = [(k, r) for k, step in enumerate(steps) for r in replies(step)]
     assert k == 21
     assert (told.id, told.ok, told.exit, told.phase) == (0, False, 5, Phase.FAULT)
-    assert told.text == "no joint state for 105 ms; must be <= 100 ms: is the bench running?"
+    assert told.text == "no joint state for 105 ms; must be <= 100 ms (safety.robot_stale_ms): is the bench running?"
     assert len(set(xs(steps[k:]))) == 1, "the setpoint stays where it is"
 
 

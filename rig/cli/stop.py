@@ -25,7 +25,9 @@ def stop(
     alive = [(p, address) for p, address, pid in running if _alive(pid)]
     for path, _, pid in running:
         if not _alive(pid):
-            out.print(f"{path.parent.name}: its operator (process {pid}) is gone; its tasks stop by themselves within a second")
+            out.print(
+                f"{path.parent.name}: its operator (process {pid}) is gone; its tasks stop by themselves within two seconds"
+            )
             path.unlink(missing_ok=True)
     if not alive:
         raise RigError(f"nothing is running under {runs}; name another folder with --runs")

@@ -14,13 +14,13 @@ from rig.controller.phase import ORDERS, Happening, next_phase, refusal
 from rig.errors import FAULT
 
 STATE_EVERY = 2  # ticks: setpoints at 200 Hz, state at 100 Hz
-ROBOT_STALE_NS = 100 * MS
 
 
 class ControllerSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """How long the controller rides through holes."""
+    """How long the controller rides through holes: of references, and of what the encoders read."""
 
     reference_stale_ns: int
+    robot_stale_ns: int = 100 * MS
 
 
 class Controller:
@@ -29,7 +29,7 @@ class Controller:
     name = "controller"
 
     def __init__(self, settings: ControllerSettings) -> None:
-        self._stale_ns = settings.reference_stale_ns
+        self._stale_ns, self._robot_stale_ns = settings.reference_stale_ns, settings.robot_stale_ns
         self._phase = Phase.IDLE
         self._io = Communication()
         self._interpolator: Interpolator | None = None
@@ -86,8 +86,9 @@ class Controller:
         if self._phase not in (Phase.ARMED, Phase.RUNNING):
             return ()
         silent_ns = t_ns - self._io.joints_ns
-        if silent_ns > ROBOT_STALE_NS:
-            text = f"no joint state for {silent_ns / MS:.0f} ms; must be <= {ROBOT_STALE_NS / MS:.0f} ms: is the bench running?"
+        if silent_ns > self._robot_stale_ns:
+            bound = f"must be <= {self._robot_stale_ns / MS:.0f} ms (safety.robot_stale_ms)"
+            text = f"no joint state for {silent_ns / MS:.0f} ms; {bound}: is the bench running?"
             return self._happen(Happening.ROBOT_STALE, text, t_ns)
         silent_ns = t_ns - max(self._io.reference_ns, self._t_start_ns)
         if self._phase is Phase.RUNNING and silent_ns > self._stale_ns:
@@ -116,7 +117,7 @@ class Controller:
         return Step((self._replies.answer(order, self._phase, t_ns),))
 
     def _refusal(self, order: Command, t_ns: int) -> str | None:
-        unknown = self._io.joints is None or t_ns - self._io.joints_ns > ROBOT_STALE_NS
+        unknown = self._io.joints is None or t_ns - self._io.joints_ns > self._robot_stale_ns
         if unknown and order.verb in (Verb.STATUS, Verb.ARM):
             return "the robot's encoders are silent: is the bench running?"
         return refusal(self._phase, order.verb)

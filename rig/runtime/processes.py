@@ -34,7 +34,6 @@ HEARTBEAT_NS = 200 * MS
 LOOK_MS = 40  # longest wait for words, interrupts and the clock
 GLANCE_NS = 100 * MS  # between glances at children, disk and screen
 LEAVE_NS = 3_000 * MS  # for tasks to drain and report after the close order, beyond the links' own delay
-LAST_WORDS_MS = 50  # what a task that is gone had still under way
 
 
 class ProcessRunner:
@@ -58,6 +57,7 @@ class ProcessRunner:
         self._children = Children(folder)
         self._present: set[str] = set()  # tasks whose sockets are open
         self._left: set[str] = set()  # tasks that said farewell
+        self._gone: set[str] = set()  # tasks that died without
         self._heard = 0  # interrupts acted on
         self._logged = 0  # operator's events written
         self._rows: dict[tuple[str, str], LinkCount] = {}
@@ -220,6 +220,7 @@ class ProcessRunner:
 
     def _miss_the_dead(self, now: int) -> None:
         for name, code in self._children.newly_dead():
+            self._gone.add(name)
             words = self._children.last_words(name)
             if code == REFUSED:
                 raise Refused(words)
@@ -229,11 +230,8 @@ class ProcessRunner:
     def _let_leave(self, delay_ns: int) -> None:
         """Hear everybody out; a task that does not leave in time is ended, and that is told."""
         until = self._clock.now_ns() + LEAVE_NS + delay_ns
-        while self._clock.now_ns() < until and self._children.any_alive():
+        while self._clock.now_ns() < until and (self._present - self._left - self._gone or self._children.any_alive()):
             self._bus.wait(LOOK_MS)
-            self._hear()
-        if self._present - self._left:
-            self._bus.wait(LAST_WORDS_MS)
             self._hear()
         now = self._clock.now_ns()
         for name in self._children.end():
