@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from importlib.metadata import version
+from typing import Annotated
 
 import typer
 
@@ -31,6 +33,23 @@ app = typer.Typer(
     "what it really did.\n\n"
     "Exit codes: 0 ok, 2 usage or file, 3 refused before motion, 4 stopped by the operator, 5 fault, 6 data not good.",
 )
+
+
+def _tell_version(asked: bool) -> None:
+    if asked:
+        print(f"rig of swayless {version('swayless')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    show_version: Annotated[
+        bool, typer.Option("--version", callback=_tell_version, is_eager=True, help="Print the version and leave.")
+    ] = False,
+) -> None:
+    """Options of the program itself."""
+
+
 app.command("doctor")(doctor.doctor)
 app.command("plan")(plan.plan)
 app.command("run")(run.run)
