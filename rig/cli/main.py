@@ -19,7 +19,7 @@ from vision.errors import VisionError
 KNOWN = (RigError, CommsError, PlanError, VisionError, AnalysisError)
 
 
-def _leave(code: int | None) -> None:
+def _leave(code: int | None, show_version: bool) -> None:
     raise typer.Exit(code or 0)
 
 

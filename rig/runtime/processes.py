@@ -17,7 +17,7 @@ from comms.codec import decode
 from comms.ends import Wiring
 from comms.frames import with_pixels
 from comms.link import LinkCount, LinkFaults, settle
-from comms.messages import Command, Frame, Message, Reply
+from comms.messages import Command, Frame, Message, Reply, Verb
 from comms.operator_bus import Farewell, Hello, OperatorBus, Tapped
 from comms.records import Event, LinkRow
 from comms.runner import ADMISSION_NS
@@ -62,7 +62,8 @@ class ProcessRunner:
         self._logged = 0  # operator's events written
         self._rows: dict[tuple[str, str], LinkCount] = {}
         self._wake_ns: int | None = 0
-        self._beat_ns = self._glance_ns = 0
+        self._beat_ns = self._glance_ns = self._began_ns = 0
+        self._used_s: dict[str, float] = {}  # processor seconds when the run began
         self.scheduling: dict[str, str] = {}  # what each task got of the real-time place it asked for
         self.cpu_share: dict[str, float] = {}  # of one core, from the first heartbeat to the close order
         self.uncounted: list[str] = []  # "link: task" whose count never came
@@ -125,12 +126,15 @@ class ProcessRunner:
         self._children.end(self._children.names - self._present)  # the run is over before they came
 
     def _watch(self) -> None:
-        began_ns, before = self._clock.now_ns(), self._cpu_s()
-        self._carry_out(self._operator.start(began_ns))
+        self._began_ns, self._used_s = self._clock.now_ns(), self._cpu_s()
+        self._carry_out(self._operator.start(self._began_ns))
         while self._operator.stage is not Stage.CLOSED:
             self._look()
-        span_s = (self._clock.now_ns() - began_ns) * 1e-9
-        self.cpu_share = {name: (used - before.get(name, 0.0)) / span_s for name, used in self._cpu_s().items()}
+
+    def _measure(self) -> None:
+        """What the tasks took of the processors; asked before the close order, for they leave quickly."""
+        span_s = max(1e-3, (self._clock.now_ns() - self._began_ns) * 1e-9)
+        self.cpu_share = {name: (used - self._used_s.get(name, used)) / span_s for name, used in self._cpu_s().items()}
         self.scheduling = self._children.scheduling()
 
     def _cpu_s(self) -> dict[str, float]:
@@ -197,6 +201,8 @@ class ProcessRunner:
         if step.wake_ns is not None:
             self._wake_ns = step.wake_ns
         orders = [message for _, message, _ in step.sends if isinstance(message, Command)]
+        if any(order.verb is Verb.CLOSE for order in orders):
+            self._measure()
         for order in orders:  # the robot first, the log after
             self._bus.send(order)
         for order in orders:
