@@ -29,6 +29,7 @@ class Channel(NamedTuple):
     rate_hz: float
     late_after_ms: float  # older than this when accepted counts as late
     about: str
+    wakes: bool = True  # False: read at the receiver's next wake, which is never far; a wake costs more than a message
 
 
 CHANNELS: dict[str, Channel] = {
@@ -40,12 +41,30 @@ CHANNELS: dict[str, Channel] = {
     "setpoint": Channel(
         4, messages.Setpoint, "controller", "bench", Transport.UDP, 200, 30, "interpolated position for the servos"
     ),
-    "joint_state": Channel(5, messages.JointState, "bench", "controller", Transport.UDP, 200, 30, "what the encoders read"),
+    "joint_state": Channel(
+        5, messages.JointState, "bench", "controller", Transport.UDP, 200, 30, "what the encoders read", wakes=False
+    ),
     "robot_state": Channel(
-        6, messages.RobotState, "controller", "streamer", Transport.UDP, 100, 30, "commanded and actual position, phase"
+        6,
+        messages.RobotState,
+        "controller",
+        "streamer",
+        Transport.UDP,
+        100,
+        30,
+        "commanded and actual position, phase",
+        wakes=False,
     ),
     "platform": Channel(
-        7, messages.RobotState, "controller", "vision", Transport.UDP, 100, 30, "the same, for the picture moves with it"
+        7,
+        messages.RobotState,
+        "controller",
+        "vision",
+        Transport.UDP,
+        100,
+        30,
+        "the same, for the picture moves with it",
+        wakes=False,
     ),
     "frame": Channel(8, messages.Frame, "bench", "vision", Transport.ZMQ, 50, 40, "a picture of the cable"),
     "angle": Channel(9, messages.AngleSample, "vision", "streamer", Transport.UDP, 50, 80, "cable angle, with its instant"),

@@ -16,7 +16,7 @@ from typing import Any
 import msgspec
 import zmq
 
-from comms.channels import MS, received_by, sent_by
+from comms.channels import CHANNELS, MS, received_by, sent_by
 from comms.clock import Clock, MonotonicClock
 from comms.codec import encode
 from comms.ends import In, Out, Wiring
@@ -61,7 +61,8 @@ class WallRunner:
         self._out = {name: Out(name, wiring, self._context) for name in sent_by(task.name)}
         self._in = {name: In(name, wiring, self._context) for name in received_by(task.name)}
         self._bus = TaskBus(self._context, task.name, wiring.commands, wiring.taps, wiring.pictures)
-        ends: list[Any] = [*self._in.values(), self._bus]
+        self._quiet = [link for name, link in self._in.items() if not CHANNELS[name].wakes]
+        ends: list[Any] = [*(link for link in self._in.values() if link not in self._quiet), self._bus]
         self._listening = {end.fileno(): end for end in ends}
         self._early: list[Command] = []  # orders that came before the task began
         self._told: dict[str, LinkCount] = {}  # channels that end at the operator
@@ -126,6 +127,8 @@ class WallRunner:
         return [self._listening[descriptor] for descriptor in ready]
 
     def _pass(self, ready: list[Any]) -> None:
+        for link in self._quiet:
+            self._read(link)
         now = self._clock.now_ns()
         if self._wake_ns is not None and self._wake_ns <= now:
             self._lateness_ns.append(now - self._wake_ns)
@@ -135,9 +138,8 @@ class WallRunner:
         for source in ready:
             if source is self._bus:
                 self._hear_operator()
-                continue
-            for message in source.read(self._clock):
-                self._carry_out(self._task.on_message(source.name, message, self._clock.now_ns()))
+            else:
+                self._read(source)
         self._send_due()
         if now >= self._tap_ns:
             self._tap_ns = now + TAP_EVERY_NS
@@ -145,6 +147,10 @@ class WallRunner:
         if now >= self._record_ns:
             self._record_ns = now + RECORD_EVERY_NS
             self._record(now)
+
+    def _read(self, link: In) -> None:
+        for message in link.read(self._clock):
+            self._carry_out(self._task.on_message(link.name, message, self._clock.now_ns()))
 
     def _hear_operator(self) -> None:
         for command in self._bus.drain():

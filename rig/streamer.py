@@ -150,6 +150,8 @@ class Streamer:
 
     def _obey(self, order: Command, t_ns: int) -> Step:
         why = refusal(self._phase, order.verb)
+        if order.verb is Verb.STATUS and self._phase is Phase.IDLE and self._robot is None:
+            why = "the robot's state has not come yet: are controller and bench running?"
         if why is None and order.verb is Verb.START:
             why = self._not_ready(order.t_start_ns, t_ns)
         if why is not None:

@@ -318,8 +318,18 @@ def test_the_last_call_ends_the_references() -> None:
 
 def test_status_is_answered_in_any_phase_and_replies_are_counted() -> None:
     streamer = Streamer(SETTINGS)
+    streamer.on_message("robot_state", robot_at(0.0), 0)
     got = [replies(tell(streamer, order(Verb.STATUS, id=k), 0))[0] for k in (1, 2, 3)]
     assert [(r.id, r.ok, r.seq, r.sender) for r in got] == [(k, True, k - 1, "streamer") for k in (1, 2, 3)]
+
+
+def test_the_streamer_is_not_ready_before_it_knows_where_the_robot_stands() -> None:
+    streamer = Streamer(SETTINGS)
+    (early,) = replies(tell(streamer, order(Verb.STATUS), 0))
+    streamer.on_message("robot_state", robot_at(0.0), 5 * MS)
+    (later,) = replies(tell(streamer, order(Verb.STATUS), 6 * MS))
+    assert (early.ok, later.ok) == (False, True)
+    assert "robot's state has not come" in early.text
 
 
 def test_a_plan_that_jumps_is_stopped_before_the_jump_and_the_place_before_it_is_held() -> None:
