@@ -14,6 +14,7 @@ def main() -> None:
 
         command_line()
     except KeyboardInterrupt:
+        print("rig: stopped before anything was started", file=sys.stderr)
         sys.exit(STOPPED)
     except SystemExit as leaving:
         sys.exit(STOPPED if leaving.code == SHELL_INTERRUPT else leaving.code)
