@@ -122,11 +122,19 @@ class Operator:
         return Step((*stopping.sends, *closing.sends), exit=self.exit_code)
 
     def lost(self, task: str, reason: str, t_ns: int) -> Step:
-        """A task is gone: nobody waits for it any more."""
-        self._tasks = tuple(name for name in self._tasks if name != task)
-        self._waiting.discard(task)
+        """A task died: that ends the run as a fault."""
+        self._forget(task)
         step = self.end(reason, FAULT, t_ns)
         return self._close(t_ns) if self.stage is Stage.STOPPING and not self._waiting else step
+
+    def never_came(self, task: str, t_ns: int) -> Step:
+        """A run that is over already goes on without a task that had not come yet."""
+        self._forget(task)
+        return self._close(t_ns) if self.stage is Stage.STOPPING and not self._waiting else NOTHING
+
+    def _forget(self, task: str) -> None:
+        self._tasks = tuple(name for name in self._tasks if name != task)
+        self._waiting.discard(task)
 
     def _advance(self, t_ns: int) -> Step:
         if self.stage is Stage.CONNECTING:

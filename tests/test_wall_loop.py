@@ -14,6 +14,8 @@ from rig import config, experiment
 from rig.analysis.analyze import Analysis
 from rig.errors import Refused
 from rig.runs import LOG
+from rig.runtime import execute
+from rig.runtime.interrupts import Interrupts
 
 pytestmark = pytest.mark.xdist_group("wall")  # one rig at a time: five processes each
 PATIENT = ["safety.robot_stale_ms=5000", "safety.reference_stale_ms=5000"]  # a busy machine is no fault of the rig's
@@ -45,6 +47,20 @@ def test_wall_and_virtual_lose_the_very_same_references(tmp_path):
         lost.append({r.seq for r in run.references() if r.seq not in arrived and r.seq < 300})
     assert lost[0] == lost[1]
     assert len(lost[0]) > 10
+
+
+def test_a_stop_before_the_tasks_have_come_is_a_stop_and_no_fault(tmp_path, monkeypatch):
+    class Impatient(Interrupts):
+        """An operator who pressed Ctrl-C before the first task was there."""
+
+        def __enter__(self):
+            self.count, self.what = 1, "Ctrl-C"
+            return super().__enter__()
+
+    monkeypatch.setattr(execute, "Interrupts", Impatient)
+    ran = experiment.run(config.load("move", BRIEF), "wall", tmp_path, quietly, quietly)
+    assert (ran.outcome.exit_code, ran.outcome.reasons) == (4, ["stopped by the operator (Ctrl-C)"])
+    assert Analysis(ran.folder / LOG).run.log.complete
 
 
 def start_a_run(folder: Path) -> subprocess.Popen:

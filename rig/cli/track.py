@@ -30,7 +30,7 @@ class Row(NamedTuple):
 
 def track(
     video: Annotated[Path, typer.Argument(metavar="VIDEO", help="Video file.")],
-    pivot: Annotated[str, typer.Option(metavar="X,Y", help="Cable's upper end in the picture [px]; may lie outside it.")],
+    pivot: Annotated[str, typer.Option(metavar="X,Y", help="Cable's upper end in the picture, in pixels; may lie outside it.")],
     csv_file: Annotated[Path | None, typer.Option("--csv", help=f"Write one row a frame: {','.join(FIELDS)}.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")] = False,
 ) -> int:

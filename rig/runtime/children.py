@@ -79,7 +79,8 @@ class Children:
 
     def last_words(self, name: str) -> str:
         """The last line a task wrote."""
-        lines = (self._folder / f"{name}.log").read_text(errors="replace").strip().splitlines()
+        words = self._folder / f"{name}.log"
+        lines = words.read_text(errors="replace").strip().splitlines() if words.exists() else []
         return lines[-1] if lines else "it said nothing"
 
     def cpu_s(self) -> dict[str, float]:
@@ -99,6 +100,7 @@ class Children:
             if child.poll() is None:
                 child.kill()
                 killed.append(name)
+                self._dead.add(name)  # no news to anybody
             child.wait()
             words = self._folder / f"{name}.log"
             if words.exists() and words.stat().st_size == 0:

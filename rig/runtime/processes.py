@@ -123,7 +123,9 @@ class ProcessRunner:
             self._miss_the_dead(now)
             if now > until:
                 return
-        self._children.end(self._children.names - self._present)  # the run is over before they came
+        for name in self._children.end(self._children.names - self._present):  # the run was over before they came
+            self._gone.add(name)
+            self._carry_out(self._operator.never_came(name, self._clock.now_ns()))
 
     def _watch(self) -> None:
         self._began_ns, self._used_s = self._clock.now_ns(), self._cpu_s()
