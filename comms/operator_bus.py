@@ -7,6 +7,7 @@ codec; nothing that arrives is executed.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import NamedTuple
 
 import msgspec
@@ -40,7 +41,9 @@ class Hello(NamedTuple):
 
 
 class Farewell(NamedTuple):
-    """A task has said all it has to say, and leaves."""
+    """A task has said all it has to say on one of its wires; taps and words travel apart and end apart."""
+
+    wire: str  # "words" or "taps"
 
 
 class Record(NamedTuple):
@@ -54,7 +57,8 @@ class TaskBus:
 
     def __init__(self, context: Context, task: str, commands: str, taps: str, pictures: str) -> None:
         self._commands = context.socket(zmq.DEALER)
-        self._commands.setsockopt(zmq.IDENTITY, task.encode())
+        self._name = task.encode()
+        self._commands.setsockopt(zmq.IDENTITY, self._name)
         self._taps, self._pictures = context.socket(zmq.PUSH), context.socket(zmq.PUSH)
         self._taps.setsockopt(zmq.SNDHWM, TAP_HIGH_WATER)
         self._pictures.setsockopt(zmq.SNDHWM, PICTURE_HIGH_WATER)
@@ -83,7 +87,10 @@ class TaskBus:
         self._commands.send_multipart([b"hello"])
 
     def farewell(self) -> None:
-        """Everything is said."""
+        """Everything is said, and everything is tapped."""
+        self.flush_taps()
+        with suppress(zmq.Again):
+            self._taps.send_multipart([b"farewell", self._name], zmq.NOBLOCK)
         self._commands.send_multipart([b"farewell"])
 
     def reply(self, reply: Reply) -> None:
@@ -181,7 +188,7 @@ def _understand(parts: list[bytes]) -> Hello | Farewell | Reply | Record | str |
         if parts == [b"hello"]:
             return Hello()
         if parts == [b"farewell"]:
-            return Farewell()
+            return Farewell("words")
         if len(parts) == 2 and parts[0] == b"":
             return parts[1].decode()
         if len(parts) == 2 and parts[0] == b"reply":
@@ -193,13 +200,16 @@ def _understand(parts: list[bytes]) -> Hello | Farewell | Reply | Record | str |
     return None
 
 
-def _drain_taps(socket: zmq.Socket[bytes], parts_each: int) -> Iterator[tuple[bytes, Tapped]]:
+def _drain_taps(socket: zmq.Socket[bytes], parts_each: int) -> Iterator[tuple[bytes, Farewell | Tapped]]:
     """Taps are channel and datagram, pictures have their pixels as a third part; several may come in one message."""
     while True:
         try:
             parts = socket.recv_multipart(zmq.NOBLOCK)
         except zmq.Again:
             return
+        if parts[0] == b"farewell" and len(parts) == 2:
+            yield parts[1], Farewell("taps")
+            continue
         for k in range(0, len(parts) - parts_each + 1, parts_each):
             channel = parts[k].decode("ascii", "replace")
             if channel in CHANNELS and CHANNELS[channel].message in LAYOUTS:

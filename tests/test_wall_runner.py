@@ -236,7 +236,7 @@ def test_a_task_is_admitted_ordered_answered_and_leaves_a_balanced_ledger(operat
     references.close()
     operator.order(Verb.CLOSE, 8)
     gate, got, ages_ns, closing = echoes(operator)
-    operator.hears(Farewell)
+    operator.hears(Farewell, 2)
     assert operator.exit_code() == 0
     assert operator.task.stopped
 
@@ -265,7 +265,7 @@ def test_every_message_is_tapped_once_and_every_receipt_is_written(operator: Ope
     close_inputs(operator, references, 4)
     references.close()
     operator.order(Verb.CLOSE, 1)
-    operator.hears(Farewell)
+    operator.hears(Farewell, 2)
     assert operator.exit_code() == 0
     operator.hears(Tapped, 3)
     taps = [decode(tap.channel, tap.data, SESSION) for tap in operator.all(Tapped) if isinstance(tap, Tapped)]
@@ -279,7 +279,7 @@ def test_no_tick_comes_early_and_the_lateness_of_each_is_told(operator: Operator
     operator.hears(Hello)
     operator.hears(Timing)
     operator.order(Verb.CLOSE, 1)
-    operator.hears(Farewell)
+    operator.hears(Farewell, 2)
     assert operator.exit_code() == 0
     told = [late for word in operator.all(Timing) if isinstance(word, Timing) for late in word.lateness_ns]
     wakes = operator.task.wakes
@@ -292,7 +292,7 @@ def test_a_task_may_end_the_run_with_a_code_of_its_own(operator: Operator, quick
     operator.hears(Hello)
     operator.bus.heartbeat("controller")
     operator.order(Verb.ESTOP, 1)
-    operator.hears(Farewell)
+    operator.hears(Farewell, 2)
     assert operator.exit_code() == 4
 
 
@@ -304,7 +304,7 @@ def test_the_truth_goes_to_the_operator_and_into_the_ledger(bench_operator: Oper
     operator.order(Verb.STATUS, 1)
     operator.hears(Tapped)
     operator.order(Verb.CLOSE, 2)
-    operator.hears(Farewell)
+    operator.hears(Farewell, 2)
     assert operator.exit_code() == 0
     assert [tap.channel for tap in operator.all(Tapped) if isinstance(tap, Tapped)] == ["truth"]
     assert operator.rows()["truth"] == LinkCount(sent=1)

@@ -56,7 +56,7 @@ class ProcessRunner:
         self._session = secrets.randbits(63)
         self._children = Children(folder)
         self._present: set[str] = set()  # tasks whose sockets are open
-        self._left: set[str] = set()  # tasks that said farewell
+        self._left: set[tuple[str, str]] = set()  # (task, wire) that said farewell
         self._gone: set[str] = set()  # tasks that died without
         self._heard = 0  # interrupts acted on
         self._logged = 0  # operator's events written
@@ -171,7 +171,7 @@ class ProcessRunner:
             elif isinstance(said, Hello):
                 self._present.add(name)
             elif isinstance(said, Farewell):
-                self._left.add(name)
+                self._left.add((name, said.wire))
             elif isinstance(said, Reply):
                 self._recorder.message("reply", said, now)
                 self._carry_out(self._operator.on_message("reply", said, now))
@@ -238,7 +238,8 @@ class ProcessRunner:
     def _let_leave(self, delay_ns: int) -> None:
         """Hear everybody out; a task that does not leave in time is ended, and that is told."""
         until = self._clock.now_ns() + LEAVE_NS + delay_ns
-        while self._clock.now_ns() < until and (self._present - self._left - self._gone or self._children.any_alive()):
+        awaited = {(name, wire) for name in self._present - self._gone for wire in ("words", "taps")}
+        while self._clock.now_ns() < until and (awaited - self._left or self._children.any_alive()):
             self._bus.wait(LOOK_MS)
             self._hear()
         now = self._clock.now_ns()
