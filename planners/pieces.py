@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from planners.errors import PlanError
 
 FloatArray: TypeAlias = NDArray[np.float64]
+ComplexArray: TypeAlias = NDArray[np.complex128]
 Number = TypeVar("Number", float, complex)
 
 
@@ -84,7 +85,7 @@ class ExpPolynomial:
 
     def integral(self, start: float) -> ExpPolynomial:
         """The piece with this derivative that begins at `start`; no mode may have rate 0."""
-        modes = tuple(Mode(rate, _exponential_integral(rate, c)) for rate, c in self.modes)
+        modes = tuple(Mode(rate, exponential_integral(rate, c)) for rate, c in self.modes)
         constant = start - sum(mode.coefficients[0].real for mode in modes)
         powers = (c / (j + 1) for j, c in enumerate(self.coefficients))
         return ExpPolynomial(self.duration_s, (constant, *powers), modes)
@@ -140,12 +141,17 @@ def polynomial(duration_s: float, coefficients: Sequence[float]) -> ExpPolynomia
 def add(a: Piece, b: Piece) -> Piece:
     """a + b over the duration of a; they must last equally long."""
     if isinstance(a, ExpPolynomial) and isinstance(b, ExpPolynomial):
-        modes: dict[complex, tuple[complex, ...]] = {}
-        for rate, c in (*a.modes, *b.modes):
-            modes[rate] = _sum(modes.get(rate, (0j,)), c)
-        return ExpPolynomial(a.duration_s, _sum(a.coefficients, b.coefficients), tuple(Mode(*item) for item in modes.items()))
+        return add_closed(a, b)
     highest = min(piece.highest_order for piece in (a, b) if isinstance(piece, Smooth))
     return Smooth(a.duration_s, lambda t, order: a.at(t, order) + b.at(t, order), highest)
+
+
+def add_closed(a: ExpPolynomial, b: ExpPolynomial) -> ExpPolynomial:
+    """The same for two closed forms; modes of one rate become one."""
+    modes: dict[complex, tuple[complex, ...]] = {}
+    for rate, c in (*a.modes, *b.modes):
+        modes[rate] = _sum(modes.get(rate, (0j,)), c)
+    return ExpPolynomial(a.duration_s, _sum(a.coefficients, b.coefficients), tuple(Mode(*item) for item in modes.items()))
 
 
 def _horner(coefficients: Sequence[float], t: FloatArray) -> FloatArray:
@@ -173,7 +179,12 @@ def _moved(coefficients: tuple[Number, ...], start: float) -> tuple[Number, ...]
     return tuple(c)
 
 
-def _exponential_integral(rate: complex, coefficients: tuple[complex, ...]) -> tuple[complex, ...]:
+def polynomial_integral(coefficients: tuple[complex, ...]) -> tuple[complex, ...]:
+    """Coefficients of int_0^t p."""
+    return (0j, *(c / (j + 1) for j, c in enumerate(coefficients)))
+
+
+def exponential_integral(rate: complex, coefficients: tuple[complex, ...]) -> tuple[complex, ...]:
     """q with (q exp(rate t))' = p exp(rate t), that is q' + rate q = p."""
     q = [0j] * (len(coefficients) + 1)
     for j in range(len(coefficients) - 1, -1, -1):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -10,10 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planners.cells import resolve
+from planners.cells import Polynomials, resolve
 from planners.errors import PlanError
 from planners.pieces import FloatArray, Piece, add, polynomial
 
+MANY = 16  # plain polynomials: so many pieces are worth a table
 JUMP = 1e-9  # a step below this share of the largest value is rounding
 
 
@@ -45,14 +47,14 @@ class Trajectory:
     Raises PlanError without pieces, or with a piece whose duration is not finite and > 0.
     """
 
-    pieces: tuple[Piece, ...]
+    pieces: Sequence[Piece]
 
     def __post_init__(self) -> None:
         if not self.pieces:
             raise PlanError("a trajectory of 0 pieces; must be >= 1: use Trajectory.hold for standing still")
-        for k, piece in enumerate(self.pieces):
-            if not 0.0 < piece.duration_s < math.inf:
-                raise PlanError(f"duration_s = {piece.duration_s} of piece {k}; must be finite and > 0: leave the piece out")
+        durations = self._durations_s
+        for k in np.flatnonzero(~((durations > 0.0) & (durations < math.inf)))[:1]:
+            raise PlanError(f"duration_s = {durations[k]} of piece {k}; must be finite and > 0: leave the piece out")
 
     @classmethod
     def hold(cls, position_m: float, duration_s: float) -> Trajectory:
@@ -62,7 +64,7 @@ class Trajectory:
     @cached_property
     def breaks_s(self) -> FloatArray:
         """Start of every piece and the end: (pieces + 1,), from 0."""
-        return np.concatenate([[0.0], np.cumsum([piece.duration_s for piece in self.pieces])])
+        return np.concatenate([[0.0], np.cumsum(self._durations_s)])
 
     @property
     def duration_s(self) -> float:
@@ -107,7 +109,7 @@ class Trajectory:
         end, start = self._ends(0)[1][-1], other._ends(0)[0][0]
         if abs(start - end) > JUMP * max(1.0, abs(end)):
             raise PlanError(f"position jumps from {end} m to {start} m; must meet within {JUMP:g} m: shift the second part")
-        return Trajectory(self.pieces + other.pieces)
+        return Trajectory((*self.pieces, *other.pieces))
 
     def scaled(self, factor: float) -> Trajectory:
         """factor times the position."""
@@ -126,10 +128,23 @@ class Trajectory:
             values[: cuts[0]] = first.at(np.zeros(()))
         if order == 0 and cuts[-1] < t.size:
             values[cuts[-1] :] = last.at(np.asarray(last.duration_s))
-        for k in np.flatnonzero(np.diff(cuts)):
+        if self._table is not None:
+            self._table.derivative(order).sweep(t, self.breaks_s, cuts, values)
+            return values
+        for k in np.flatnonzero(np.diff(cuts)).tolist():
             here = slice(cuts[k], cuts[k + 1])
             values[here] = self.pieces[k].at(t[here] - self.breaks_s[k], order)
         return values
+
+    @cached_property
+    def _table(self) -> Polynomials | None:
+        return Polynomials.of(self.pieces) if len(self.pieces) >= MANY else None
+
+    @property
+    def _durations_s(self) -> FloatArray:
+        if isinstance(self.pieces, Polynomials):
+            return self.pieces.durations_s
+        return np.array([piece.duration_s for piece in self.pieces])
 
     @cached_property
     def _summaries(self) -> dict[int, _Summary]:
@@ -141,6 +156,8 @@ class Trajectory:
         return self._summaries[order]
 
     def _summarize(self, order: int) -> _Summary:
+        if self._table is not None:
+            return self._summarize_table(self._table.derivative(order))
         times, values, square = [], [], 0.0
         for start, piece in zip(self.breaks_s, self.pieces, strict=False):
             cells = resolve(piece, order)
@@ -151,6 +168,20 @@ class Trajectory:
         t, v = np.concatenate(times), np.concatenate(values)
         k = int(np.argmax(np.abs(v)))
         return _Summary(Extent(float(v.min()), float(v.max())), Peak(float(abs(v[k])), float(t[k])), square)
+
+    def _summarize_table(self, table: Polynomials) -> _Summary:
+        cells, each = table.cells(), np.arange(len(self.pieces))
+        k, x = cells.turns()
+        k, t = (
+            np.concatenate([each, each, k]),
+            np.concatenate([0.0 * cells.halves_s, table.durations_s, cells.halves_s[k] * (1.0 + x)]),
+        )
+        v = table.at(k, t)
+        t += self.breaks_s[k]
+        first = np.lexsort((t, -np.abs(v)))[0]
+        return _Summary(
+            Extent(float(v.min()), float(v.max())), Peak(float(abs(v[first])), float(t[first])), cells.square_integral()
+        )
 
     def _joined(self, order: int) -> bool:
         starts, ends = self._ends(order)
@@ -165,5 +196,8 @@ class Trajectory:
 
     def _ends(self, order: int) -> tuple[FloatArray, FloatArray]:
         """Value at the start and at the end of every piece: (pieces,) each."""
+        if self._table is not None:
+            table, each = self._table.derivative(order), np.arange(len(self.pieces))
+            return table.coefficients[:, 0], table.at(each, table.durations_s)
         ends = [piece.at(np.array([0.0, piece.duration_s]), order) for piece in self.pieces]
         return np.array([e[0] for e in ends]), np.array([e[1] for e in ends])
