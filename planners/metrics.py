@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-import cmath
+import numpy as np
+from numpy.typing import ArrayLike
 
 from planners.cells import exponential_integral
-from planners.models.pendulum import PendulumModel
+from planners.models.model import Model
+from planners.pieces import FloatArray
 from planners.problem import Metrics, Problem
 from planners.replay import replay
 from planners.trajectory import Trajectory
@@ -13,17 +15,18 @@ from planners.trajectory import Trajectory
 
 def measure(problem: Problem, trajectory: Trajectory) -> Metrics:
     """The metrics of a trajectory offered for a problem; residuals count from the goal state's swing."""
-    model = problem.model
-    _, v0, angle0, rate0 = problem.start().tolist()
-    _, v1, angle1, rate1 = problem.goal().tolist()
-    swing = replay(model, trajectory, angle_rad=angle0, angular_velocity_rad_s=rate0, speed_before_m_s=v0, speed_after_m_s=v1)
-    angle, rate = swing_after(model, trajectory, angle0, rate0, v0, v1)
+    model, n = problem.model, problem.model.links_count
+    (_, v0), angles0, rates0 = np.split(problem.start()[: 2 + 2 * n], [2, 2 + n])
+    (_, v1), angles1, rates1 = np.split(problem.goal()[: 2 + 2 * n], [2, 2 + n])
+    ends = {"speed_before_m_s": float(v0), "speed_after_m_s": float(v1)}
+    swing = replay(model, trajectory, angles_rad=angles0, rates_rad_s=rates0, **ends)
+    angles, rates = swing_after(model, trajectory, angles0, rates0, **ends)
     low, high = trajectory.extent(0)
     return Metrics(
         peak_swing_rad=swing.peak_rad(),
-        residual_swing_rad=model.amplitude_rad(angle - angle1, rate - rate1),
+        residual_swing_rad=model.amplitude_rad(angles - angles1, rates - rates1),
         residual_swing_nonlinear_rad=model.amplitude_rad(
-            float(swing.angle_rad[-1]) - angle1, float(swing.angular_velocity_rad_s[-1]) - rate1
+            swing.angle_rad[-1] - angles1, swing.angular_velocity_rad_s[-1] - rates1
         ),
         peak_speed_m_s=trajectory.peak(1).value,
         rms_speed_m_s=trajectory.rms(1),
@@ -35,22 +38,24 @@ def measure(problem: Problem, trajectory: Trajectory) -> Metrics:
 
 
 def swing_after(
-    model: PendulumModel,
+    model: Model,
     trajectory: Trajectory,
-    angle_rad: float = 0.0,
-    angular_velocity_rad_s: float = 0.0,
+    angles_rad: ArrayLike = 0.0,
+    rates_rad_s: ArrayLike = 0.0,
+    *,
     speed_before_m_s: float = 0.0,
     speed_after_m_s: float = 0.0,
-) -> tuple[float, float]:
-    """Angle [rad] and its rate [rad/s] on the linear model at the end of the trajectory, to rounding.
+) -> tuple[FloatArray, FloatArray]:
+    """Angles [rad] and their rates [rad/s], (n,) each, on the linear model at the end of the trajectory, to rounding.
 
-    With mu the swing's eigenvalue, q = theta' - conj(mu) theta obeys q' = mu q - a/l; the acceleration is taken in
-    parts, int a exp(-mu t) = [v exp(-mu t)] + mu int v exp(-mu t), so that steps in speed count too.
+    Each mode obeys q' = mu q + a; the acceleration is taken in parts, int a exp(-mu t) = [v exp(-mu t)] + mu int v exp(-mu t),
+    so that steps in speed count too.
     """
-    mu, end = model.swing_rate_1_s, trajectory.duration_s
-    push = speed_after_m_s - speed_before_m_s * cmath.exp(mu * end)
-    for start, piece in zip(trajectory.breaks_s.tolist(), trajectory.pieces, strict=False):
-        push += mu * cmath.exp(mu * (end - start)) * exponential_integral(piece, 1, mu)
-    q = (angular_velocity_rad_s - mu.conjugate() * angle_rad) * cmath.exp(mu * end) - push / model.length_m
-    angle = q.imag / mu.imag
-    return angle, q.real + mu.real * angle
+    modes, n, end = model.modes(), model.links_count, trajectory.duration_s
+    start = np.concatenate([np.broadcast_to(angles_rad, n), np.broadcast_to(rates_rad_s, n)])
+    mu, speed = modes.rates_1_s, np.zeros_like(modes.rates_1_s)
+    for stop, piece in zip(trajectory.breaks_s[1:].tolist(), trajectory.pieces, strict=True):
+        speed += np.exp(mu * (end - stop)) * exponential_integral(piece, 1, mu)
+    q = np.exp(mu * end) * (modes.filters @ start - speed_before_m_s) + speed_after_m_s + mu * speed
+    swing = (modes.shapes @ q).real
+    return swing[:n], swing[n:]

@@ -11,12 +11,11 @@ import numpy as np
 
 from planners.errors import PlanError, unknown_name
 from planners.laws import LAWS
-from planners.models.pendulum import PendulumModel
+from planners.models.model import INPUTS, LAG_S, Model
 from planners.motion import Motion
 from planners.pieces import FloatArray
 
 AXES = ("x", "y")  # a vertical move swings nothing
-INPUTS = ("acceleration",)
 LONGEST_PERIODS = 1000.0  # of the load; a replay of it takes about a second
 FARTHEST_M = 1000.0  # beyond it nothing is a laboratory
 ROUNDING = 1e-9  # share of a limit that a peak may exceed it by
@@ -40,20 +39,25 @@ class Problem:
     """A move from start_m by distance_m in time_s, and what the planner believes about the load.
 
     start_state and goal_state name the states that are not at rest there, e.g. {"angle_rad": 0.05}; position_m is
-    start_m and start_m + distance_m. Raises PlanError for a value out of bounds or a name that is not known.
+    start_m and start_m + distance_m. A plan minimises 1/2 int (sum of state_weights x state^2 + input_weight x input^2) dt.
+    Raises PlanError for a value out of bounds or a name that is not known.
     """
 
     distance_m: float
     time_s: float
-    model: PendulumModel
+    model: Model
     start_m: float = 0.0
     axis: str = "x"
-    input: str = "acceleration"
-    robust: tuple[str, ...] = ()  # parameters whose error the plan should forgive
+    input: str = "acceleration"  # or "force", or "jerk": acceleration through a first-order lag, hence continuous
+    lag_s: float = LAG_S  # of the jerk model
+    nonlinear: bool = False  # plan for the true pendulum instead of its small swings
+    robust: tuple[str, ...] = ()  # parameters of the model whose error the plan should forgive
     law: str = "harmonic"  # what a shaper shapes
     limits: Limits = field(default_factory=Limits)
     start_state: Mapping[str, float] = field(default_factory=dict)
     goal_state: Mapping[str, float] = field(default_factory=dict)
+    state_weights: Mapping[str, float] = field(default_factory=dict)  # Q's diagonal
+    input_weight: float = 1.0  # R
 
     def __post_init__(self) -> None:
         if not 0.0 < self.time_s < math.inf:
@@ -70,9 +74,16 @@ class Problem:
         for what, name, known in (("axis", self.axis, AXES), ("input", self.input, INPUTS), ("law", self.law, LAWS)):
             if name not in known:
                 raise unknown_name(what, name, known)
-        if self.robust:
-            raise PlanError(f"robust = {self.robust}; must be (): no planner here forgives a wrong parameter")
+        for name in self.robust:
+            if name not in self.model.parameters:
+                raise unknown_name("parameter in robust", name, self.model.parameters)
+        self._check_weights()
         self.start(), self.goal()
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the model's states."""
+        return self.model.state_space(self.input, lag_s=self.lag_s).states
 
     def start(self) -> FloatArray:
         """State of the model at the start: (n,), in the order of its states."""
@@ -88,13 +99,23 @@ class Problem:
         return not (np.any(self.start()[1:]) or np.any(self.goal()[1:]))
 
     def _state(self, what: str, position_m: float, values: Mapping[str, float]) -> FloatArray:
-        states = self.model.state_space().states
+        states = self.states
         for name, value in values.items():
             if name not in states[1:]:
                 raise unknown_name(f"name in {what}", name, states[1:])
             if not math.isfinite(value):
                 raise PlanError(f"{name} = {value} in {what}; must be finite: leave it out for rest")
         return np.array([position_m, *(values.get(name, 0.0) for name in states[1:])])
+
+    def _check_weights(self) -> None:
+        for name, value in (("lag_s", self.lag_s), ("input_weight", self.input_weight)):
+            if not 0.0 < value < math.inf:
+                raise PlanError(f"{name} = {value}; must be > 0 and finite: leave it out for the default")
+        for name, value in self.state_weights.items():
+            if name not in self.states:
+                raise unknown_name("name in state_weights", name, self.states)
+            if not 0.0 <= value < math.inf:
+                raise PlanError(f"{name} = {value} in state_weights; must be >= 0 and finite: leave it out for 0")
 
 
 class Status(enum.Enum):

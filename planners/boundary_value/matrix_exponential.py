@@ -1,83 +1,110 @@
-"""Minimum-energy move by the exponential of the Hamiltonian matrix, as exact pieces."""
+"""Optimal move by the exponential of the Hamiltonian matrix, doubled from a short step so that nothing overflows."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from planners.errors import PlanError
-from planners.pieces import ExpPolynomial, FloatArray, Mode
+from planners.boundary_value.closed_form import checked_end, refuse_nonlinear, spoilt, trajectory_of
+from planners.boundary_value.linear import LinearProblem, linear_problem
+from planners.pieces import ComplexArray, ExpPolynomial
 from planners.problem import Problem
 from planners.trajectory import Trajectory
 
 TAYLOR = 1.0 / np.array([math.factorial(k) for k in range(20)]).reshape(5, 4)  # 1/20! = 4e-19: enough for norm <= 1
-ZERO_RATE = 1e-6  # of the fastest eigenvalue; a rigid body's double zero comes out this small
-END_ERROR = 1e-9  # of the move
-SHORT_MOVE_M = 1e-3  # a shorter one is judged as this one
+DEGREE = 18  # of the polynomial pieces of a step of norm <= 1
+REFINEMENTS = 2
 
 
 def plan_matrix_exponential(problem: Problem) -> Trajectory:
-    """min 1/2 int u^2 dt between the problem's two states (source 004, section 2.1.2; Q = 0, R = 1).
+    """min 1/2 int (x'Qx + r u^2) dt between the problem's two states (source 004, 2.1.9 to 2.1.14).
 
-    State and costate obey z' = S z, S = [[A, -B B'], [0, -A']]; the first costate is S12^-1 (xf - S11 x0) with the
-    blocks of exp(S T), and u = -B' exp(-A' t) lambda0. Raises PlanError when rounding spoils the end of the move.
+    State and costate obey z' = S z. The source takes exp(S T) as a whole, which overflows as soon as a filter is much
+    faster than the move (T/tau = 126 in its tables); here a short exp(S h) is turned into what each end owes to the other
+    and doubled.
+    Raises PlanError when rounding spoils the end of the move.
     """
-    model = problem.model.state_space()
-    x0, xf, n = problem.start(), problem.goal(), len(model.states)
-    s = np.zeros((2 * n, 2 * n))
-    s[:n, :n], s[:n, n:], s[n:, n:] = model.a, -model.b @ model.b.T, -model.a.T
-    flow = _exponential(s * problem.time_s)
-    if not np.isfinite(flow).all():
-        raise _spoilt(problem, math.inf)
+    refuse_nonlinear(problem, "matrix_exponential")
+    linear = linear_problem(problem)
+    rows = linear.system.spectrum.rows
+    levels = _doubled(linear)
+    whole = levels[-1]
+    task = rows @ linear.goal - whole.phi @ (rows @ linear.start)
+    scale = 1.0 / np.sqrt(np.abs(whole.g.diagonal()))
     try:
-        costate = np.asarray(np.linalg.solve(flow[:n, n:], xf - flow[:n, :n] @ x0), dtype=np.float64)
+        inverse = scale[:, None] * np.linalg.inv(scale[:, None] * whole.g * scale) * scale
     except np.linalg.LinAlgError as singular:
-        raise _spoilt(problem, math.inf) from singular
-    acceleration = _output(-model.b[:, 0], -model.a.T, costate, problem.time_s)
-    move = acceleration.integral(float(x0[1])).integral(float(x0[0]))
-    error = abs(float(move.at(np.asarray(problem.time_s))) - float(xf[0]))
-    if not error <= END_ERROR * max(abs(problem.distance_m), SHORT_MOVE_M):
-        raise _spoilt(problem, error)
-    return Trajectory((move,))
+        raise spoilt(problem, "matrix_exponential", math.inf) from singular
+    costate = inverse @ task
+    for _ in range(REFINEMENTS):
+        costate += inverse @ (task - whole.g @ costate)
+    if not linear.q.any():
+        return trajectory_of(problem, linear, -costate / linear.r, "matrix_exponential")
+    return _cells(problem, linear, levels, costate)
 
 
-def _exponential(matrix: FloatArray) -> FloatArray:
-    """exp(matrix) by scaling, Taylor series and squaring; the series in blocks of four powers (Paterson & Stockmeyer)."""
-    squarings = max(0, math.frexp(float(np.abs(matrix).sum(axis=1).max()))[1])
-    step = matrix / 2.0**squarings
-    square = step @ step
-    powers = np.stack([np.eye(len(matrix)), step, square, square @ step])
+class _Reach(NamedTuple):
+    """What two ends of an interval owe to each other: xi_end = phi xi + g costate_end, costate = h xi + phi* costate_end.
+
+    In modes, where the numbers are all of one size.
+    """
+
+    phi: ComplexArray  # (n, n)
+    g: ComplexArray  # (n, n), negative
+    h: ComplexArray  # (n, n), positive; 0 without state weights
+
+
+def _doubled(linear: LinearProblem) -> list[_Reach]:
+    """Intervals of T/2^k up to T (structure-preserving doubling: Chu, Fan & Lin 2005).
+
+    Without state weights g is minus the Gramian, and W(2h) = W + phi W phi*.
+    """
+    n, s = len(linear.start), linear.modal_hamiltonian
+    steps = max(0, math.frexp(float(np.abs(s).sum(axis=1).max()) * linear.time_s)[1])
+    flow = _exponential(s * (linear.time_s / 2.0**steps))
+    back = np.asarray(np.linalg.inv(flow[n:, n:]), dtype=np.complex128)
+    levels = [_Reach(back.conj().T, flow[:n, n:] @ back, -back @ flow[n:, :n])]
+    for _ in range(steps):
+        phi, g, h = levels[-1]
+        adjoint = phi.conj().T
+        if linear.q.any():
+            middle = np.linalg.inv(np.eye(n) - g @ h)
+            through = phi @ middle
+            levels.append(_Reach(through @ phi, g + through @ g @ adjoint, h + adjoint @ h @ middle @ phi))
+        else:
+            levels.append(_Reach(phi @ phi, g + phi @ g @ adjoint, h))
+    return levels
+
+
+def _cells(problem: Problem, linear: LinearProblem, levels: list[_Reach], costate: ComplexArray) -> Trajectory:
+    """Modes and costates where intervals meet, by halving from the whole down; a Taylor polynomial on each."""
+    spectrum = linear.system.spectrum
+    x, p = (spectrum.rows @ linear.start)[:, None], costate[:, None]  # (n, intervals): modes left, costate right
+    for phi, g, h in reversed(levels[:-1]):
+        adjoint = phi.conj().T
+        middle = np.linalg.solve(np.eye(len(x)) - g @ h, phi @ x + g @ adjoint @ p)
+        met = h @ middle + adjoint @ p
+        x, p = (np.stack(pair, axis=-1).reshape(len(x), -1) for pair in ((x, middle), (met, p)))
+    z = np.vstack([x, levels[0].h @ x + levels[0].phi.conj().T @ p])  # (2n, intervals)
+    s, duration_s = linear.modal_hamiltonian, problem.time_s / z.shape[1]
+    row = np.concatenate([linear.a[1] @ spectrum.columns, -linear.b[1] / linear.r * spectrum.b])  # the platform's acceleration
+    coefficients = list((spectrum.columns[:2] @ x).real)
+    for k in range(2, DEGREE + 1):
+        coefficients.append((row @ z).real / (k * (k - 1)))
+        z = s @ z / (k - 1)
+    pieces = tuple(ExpPolynomial(duration_s, tuple(c)) for c in np.transpose(coefficients).tolist())
+    end = float(pieces[-1].at(np.asarray(duration_s)))
+    return Trajectory(checked_end(problem, "matrix_exponential", pieces, end))
+
+
+def _exponential(matrix: ComplexArray) -> ComplexArray:
+    """exp(matrix) of a matrix of norm <= 1 by its Taylor series in blocks of four powers (Paterson & Stockmeyer 1973)."""
+    square = matrix @ matrix
+    powers = np.stack([np.eye(len(matrix)), matrix, square, square @ matrix])
     blocks = np.tensordot(TAYLOR, powers, 1)  # (5, n, n)
-    fourth, out = square @ square, np.asarray(blocks[-1], dtype=np.float64)
+    fourth, out = square @ square, blocks[-1]
     for block in blocks[-2::-1]:
         out = block + fourth @ out
-    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused by the caller
-        for _ in range(squarings):
-            out = out @ out
-    return out
-
-
-def _output(row: FloatArray, matrix: FloatArray, start: FloatArray, duration_s: float) -> ExpPolynomial:
-    """row' exp(matrix t) start in closed form: distinct eigenvalues, and a double zero (the platform moves freely).
-
-    matrix^2 start has no part along the double zero, so the eigenvectors that move span it.
-    """
-    rates, right = np.linalg.eig(matrix)
-    moving = np.abs(rates) > ZERO_RATE * np.abs(rates).max()
-    rates, right = rates[moving], right[:, moving]
-    shares = np.linalg.lstsq(right, matrix @ (matrix @ start), rcond=None)[0] / rates**2
-    drift = (start - right @ shares).real
-    modes = (
-        Mode(rate, (size if rate.imag == 0.0 else 2.0 * size,))  # a conjugate doubles the real part
-        for rate, size in zip(rates.tolist(), ((row @ right) * shares).tolist(), strict=True)
-        if rate.imag >= 0.0
-    )
-    return ExpPolynomial(duration_s, (float(row @ drift), float(row @ matrix @ drift)), tuple(modes))
-
-
-def _spoilt(problem: Problem, error_m: float) -> PlanError:
-    return PlanError(
-        f"matrix_exponential misses the end by {error_m:.3g} m in time_s = {problem.time_s}; must be within {END_ERROR:g} of "
-        f"distance_m = {problem.distance_m}: choose a time nearer to the load's period"
-    )
+    return np.asarray(out, dtype=np.complex128)

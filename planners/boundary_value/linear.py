@@ -1,0 +1,214 @@
+"""The linear two-point boundary-value problem behind a Problem, once in states and once in modes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planners.errors import PlanError
+from planners.models.model import Cart, Model, Modes
+from planners.pieces import ComplexArray, FloatArray
+
+if TYPE_CHECKING:
+    from planners.problem import Problem
+
+UNREACHABLE = 1e-9  # gain of a mode below which its swing is out of the input's reach
+COINCIDING = 1e-6  # share of a frequency within which two modes are one
+MOVED = 1e-9  # relative shift of a mode for a relative change of 1: what a parameter does not move is below
+STEP = 1e-4  # relative change of a parameter to see which modes it moves
+
+
+class Pairs(NamedTuple):
+    """What the products of two impulse responses share, for their integrals."""
+
+    rates_1_s: ComplexArray  # (m, m) rate_i + conj rate_j of the m distinct rates
+    first: NDArray[np.intp]  # (n, 1) which distinct rate a row has
+    second: NDArray[np.intp]  # (n,) the same along columns
+    powers: NDArray[np.intp]  # (n, n)
+
+
+class Spectrum(NamedTuple):
+    """States as modes: xi = rows x obeys xi' = rates xi + u at power 0, xi' = rates xi + xi[drivers] at power 1.
+
+    So xi answers a unit impulse of u with s^power exp(rate s).
+    """
+
+    rates_1_s: ComplexArray  # (n,) closed under conjugation
+    powers: NDArray[np.intp]  # (n,) 0 or 1
+    drivers: NDArray[np.intp]  # (n,) index of the power 0 with the same rate
+    partners: NDArray[np.intp]  # (n,) index of the complex conjugate, or its own
+    rows: ComplexArray  # (n, n)
+    columns: ComplexArray  # (n, n), inverse of rows
+    a: ComplexArray  # (n, n): xi' = a xi + b u
+    b: FloatArray  # (n,)
+    pairs: Pairs
+
+
+class System(NamedTuple):
+    """x' = a x + b u of platform, swing and sensitivities."""
+
+    states: tuple[str, ...]  # n
+    a: FloatArray  # (n, n)
+    b: FloatArray  # (n,)
+    spectrum: Spectrum
+
+
+@dataclass(frozen=True)
+class LinearProblem:
+    """min 1/2 int_0^T (x'Qx + r u^2) dt over x' = a x + b u from start to goal (source 004, section 2.1).
+
+    The platform's acceleration is a[1] x + b[1] u whatever the input is. Sensitivities are the last states and go from 0 to 0.
+    """
+
+    system: System
+    q: FloatArray  # (n, n), Q
+    r: float
+    start: FloatArray  # (n,)
+    goal: FloatArray  # (n,)
+    time_s: float
+
+    @property
+    def a(self) -> FloatArray:
+        """(n, n)."""
+        return self.system.a
+
+    @property
+    def b(self) -> FloatArray:
+        """(n,)."""
+        return self.system.b
+
+    @property
+    def hamiltonian(self) -> FloatArray:
+        """S of z' = S z for z = [x; costate]: (2n, 2n), source 004, (2.1.9); u = -b'costate/r."""
+        return np.block([[self.a, np.outer(self.b, -self.b / self.r)], [-self.q, -self.a.T]])
+
+    @property
+    def modal_hamiltonian(self) -> ComplexArray:
+        """The same for z = [xi; costate of xi]: (2n, 2n), complex."""
+        spectrum = self.system.spectrum
+        q = spectrum.columns.conj().T @ self.q @ spectrum.columns
+        return np.block([[spectrum.a, np.outer(spectrum.b, -spectrum.b / self.r)], [-q, -spectrum.a.conj().T]])
+
+
+def linear_problem(problem: Problem) -> LinearProblem:
+    """States, weights and ends of a problem, with two sensitivity states for every mode that `robust` names.
+
+    Raises PlanError for a mode out of the input's reach, or a parameter that moves no mode.
+    """
+    p = problem
+    system = _system(p.model, p.input, p.lag_s, p.robust)
+    start, goal, n = p.start(), p.goal(), len(system.states)
+    more = np.zeros(n - len(start))
+    q = np.zeros((n, n))
+    for name, weight in p.state_weights.items():
+        k = system.states.index(name)
+        q[k, k] = weight
+    return LinearProblem(system, q, p.input_weight, np.append(start, more), np.append(goal, more), p.time_s)
+
+
+@lru_cache(maxsize=256)
+def _system(model: Model, input: str, lag_s: float, robust: tuple[str, ...]) -> System:
+    space = model.state_space(input, lag_s=lag_s)
+    cart: Cart = "free" if input == "force" else "driven"
+    modes = model.modes(cart)
+    _check_reach(modes)
+    moved = _moved_modes(model, cart, robust)
+    n, added = len(space.states), 2 * len(moved)
+    a, b = np.zeros((n + added, n + added)), np.append(space.b[:, 0], np.zeros(added))
+    a[:n, :n] = space.a
+    swing = slice(2, 2 + 2 * model.links_count)
+    for i, k in enumerate(moved):  # z' = rate z + q: how the mode answers a shift of its rate
+        rate, row, z = modes.rates_1_s[k], modes.filters[k], n + 2 * i
+        a[z : z + 2, z : z + 2] = [[rate.real, -rate.imag], [rate.imag, rate.real]]
+        a[z, swing], a[z + 1, swing] = row.real, row.imag
+    names = tuple(f"mode_{k // 2 + 1}_sensitivity_{part}" for k in moved for part in ("real", "imaginary"))
+    return System((*space.states, *names), a, b, _spectrum(model, input, lag_s, modes, moved, n))
+
+
+def _spectrum(model: Model, input: str, lag_s: float, modes: Modes, moved: tuple[int, ...], n: int) -> Spectrum:
+    """Rows of the platform, of each mode, of each sensitivity, of the filter; with a filter, xi of what follows it is
+    q (1 + rate lag) + lag a, so that its impulse response has no part of the filter."""
+    jerk = input == "jerk"
+    lag, size, swing = (lag_s if jerk else 0.0), n + 2 * len(moved), slice(2, 2 + 2 * model.links_count)
+    rates, powers, drivers, rows = [0j, 0j], [0, 1], [0, 0], np.zeros((size, size), dtype=np.complex128)
+    rows[0, 1] = rows[1, 0] = 1.0
+    rows[1, 1] = lag
+    whole = 1.0
+    if jerk:
+        rows[0, n - 1] = lag
+    if input == "force":
+        e = model.equations
+        whole = e.cart_mass_kg + e.load_mass_kg
+        rows[:2] *= whole
+        rows[0, swing.start + model.links_count : swing.stop] = e.coupling_kg_m
+        rows[1, swing.start : swing.start + model.links_count] = e.coupling_kg_m
+    at = {}
+    for k, rate in enumerate(modes.rates_1_s.tolist()):
+        at[k] = len(rates)
+        rows[at[k], swing] = whole * (1.0 + rate * lag) * modes.filters[k]
+        if jerk:
+            rows[at[k], n - 1] = lag
+        rates, powers, drivers = [*rates, rate], [*powers, 0], [*drivers, at[k]]
+    for i, k in enumerate(moved):
+        for mode, sign in ((k, 1j), (k + 1, -1j)):
+            row, rate, z = len(rates), complex(modes.rates_1_s[mode]), n + 2 * i
+            rows[row, z], rows[row, z + 1] = whole * (1.0 + rate * lag), whole * (1.0 + rate * lag) * sign
+            rows[row, swing] = lag * modes.filters[mode]
+            rates, powers, drivers = [*rates, rate], [*powers, 1], [*drivers, at[mode]]
+    if jerk:
+        rows[len(rates), n - 1] = lag
+        rates, powers, drivers = [*rates, complex(-1.0 / lag)], [*powers, 0], [*drivers, len(rates)]
+    return _sorted_out(rates, powers, drivers, rows)
+
+
+def _sorted_out(rates: list[complex], powers: list[int], drivers: list[int], rows: ComplexArray) -> Spectrum:
+    keys = list(zip(rates, powers, strict=True))
+    partners = np.array([keys.index((rate.conjugate(), power)) for rate, power in keys])
+    r, k, d = np.array(rates, dtype=np.complex128), np.array(powers), np.array(drivers)
+    a, b = np.zeros((len(r), len(r)), dtype=np.complex128), 1.0 - k
+    np.fill_diagonal(a, r)
+    a[k == 1, d[k == 1]] = 1.0
+    first = np.flatnonzero(k == 0)
+    place = np.searchsorted(first, d)
+    pairs = Pairs(np.add.outer(r[first], r[first].conj()), place[:, None], place, np.add.outer(k, k))
+    return Spectrum(r, k, d, partners, rows, np.linalg.inv(rows).astype(np.complex128), a, b, pairs)
+
+
+def _check_reach(modes: Modes) -> None:
+    upper = modes.upper
+    rates = modes.rates_1_s[upper]
+    for k, gain in enumerate(modes.gains[upper].tolist()):
+        near = np.flatnonzero(np.abs(rates - rates[k]) <= COINCIDING * abs(rates[k]))
+        if len(near) > 1:
+            raise PlanError(
+                f"modes {near[0] + 1} and {near[1] + 1} both have {abs(rates[k]) / (2 * np.pi):.6g} Hz; they must differ "
+                f"by {COINCIDING:g} of it, or one input cannot reach both: change a length or a stiffness"
+            )
+        if gain < UNREACHABLE:
+            raise PlanError(
+                f"mode {k + 1} at {abs(rates[k]) / (2 * np.pi):.6g} Hz answers the input with a gain of {gain:.3g}; must be >= "
+                f"{UNREACHABLE:g} to be planned for: change a length or a mass"
+            )
+
+
+def _moved_modes(model: Model, cart: Cart, robust: tuple[str, ...]) -> tuple[int, ...]:
+    """Indices (upper half plane) of the modes whose rate any of the parameters shifts."""
+    upper = model.modes(cart).upper
+    moved: set[int] = set()
+    for name in robust:
+        value = model.parameters[name]
+        step = STEP * (abs(value) or 1.0)
+        around = [model.with_parameter(name, value + side) for side in (step, -step if value else 0.0)]
+        high, low = (other.modes(cart).rates_1_s[upper] for other in around)
+        shift = np.abs(high - low) / np.abs(high) / (2 * STEP)
+        if not np.any(shift > MOVED):
+            raise PlanError(
+                f"robust = {name!r}; must shift the frequency or damping of a mode by more than {MOVED:g}, and "
+                f"{name} = {value:g} shifts none: leave it out"
+            )
+        moved |= set(upper[shift > MOVED].tolist())
+    return tuple(sorted(moved))
