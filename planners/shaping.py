@@ -3,57 +3,84 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable, Sequence
 from functools import reduce
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
-from planners.errors import Infeasible, PlanError
+from planners.errors import Infeasible, PlanError, unknown_name
 from planners.laws import LAWS
-from planners.models.pendulum import PendulumModel
-from planners.pieces import FloatArray, Piece, add, polynomial
+from planners.pieces import Piece, add, polynomial
 from planners.problem import Problem
+from planners.shapers import SHAPERS, Shaper, convolve, joint
 from planners.trajectory import Trajectory
 
 SLIVER = 1e-12  # of the duration; breaks closer than this are one
-
-
-class Shaper(NamedTuple):
-    """Impulses: amplitudes that sum to 1, and when they come."""
-
-    amplitudes: FloatArray  # (n,)
-    times_s: FloatArray  # (n,) from 0, increasing
-
-
-def zv(model: PendulumModel) -> Shaper:
-    """Zero vibration: two impulses half a damped period apart (Singer & Seering 1990)."""
-    swing = model.swing_rate_1_s
-    decay = math.exp(math.pi * swing.real / swing.imag)  # over half a period
-    return Shaper(np.array([1.0, decay]) / (1.0 + decay), np.array([0.0, math.pi / swing.imag]))
-
-
-SHAPERS: dict[str, Callable[[PendulumModel], Shaper]] = {"zv": zv}
+JOINT = {"zv_joint": 0, "zvd_joint": 1}  # derivatives of the swing by frequency that are 0 too
+SHAPED = (*SHAPERS, *JOINT)  # every name that plan_shaped knows
 
 
 def plan_shaped(name: str, problem: Problem) -> Trajectory:
     """The problem's law, shortened by the shaper's length and shaped: done at time_s, rest to rest.
 
-    Raises Infeasible with the minimum time when time_s leaves the law no time, PlanError for ends that are not rest.
+    The shaper cancels the swing under a driven platform: one of SHAPERS for each mode, one after the other, or one of
+    JOINT for all modes at once. Raises Infeasible with the minimum time when time_s leaves the law no time, PlanError for
+    an unknown name and for what a shaper cannot do: ends that are not rest, robust, nonlinear, a force, an overdamped mode.
     """
-    if not problem.rest_to_rest:
-        raise PlanError(f"planner {name} from {problem.start_state} to {problem.goal_state}; must be rest to rest: "
-                        "take matrix_exponential")  # fmt: skip
-    shaper = SHAPERS[name](problem.model)
+    if name not in SHAPED:
+        raise unknown_name("shaper", name, SHAPED)
+    _check(name, problem)
+    rates = problem.model.swing_rates_1_s
+    shaper = joint(rates, JOINT[name]) if name in JOINT else convolve(*(SHAPERS[name](rate) for rate in rates))
     length_s = float(shaper.times_s[-1])
     if problem.time_s <= length_s:
         raise Infeasible(
-            f"time_s = {problem.time_s}; must be > {length_s:.6f}, the length of shaper {name}: lengthen the move",
+            f"time_s = {problem.time_s}; must be > {length_s:.6f}, the length of shaper {name}{_half_periods(rates)}: "
+            "lengthen the move",
             minimum_time_s=length_s,
         )
     law = LAWS[problem.law](problem.time_s - length_s)
+    if problem.input == "jerk" and not law.continuous(2):
+        raise PlanError(
+            f"law = {problem.law!r} with input jerk; its acceleration must be continuous, as a shaped move is as smooth as "
+            "its law: take a law without a step in the acceleration"
+        )
     return shape(law, shaper).scaled(problem.distance_m).shifted(problem.start_m)
+
+
+def _check(name: str, problem: Problem) -> None:
+    if not problem.rest_to_rest:
+        raise PlanError(f"planner {name} from {problem.start_state} to {problem.goal_state}; must be rest to rest: "
+                        "take matrix_exponential")  # fmt: skip
+    if problem.robust:
+        raise PlanError(
+            f"planner {name} with robust = {problem.robust}; must be (), as a shaper forgives errors of the frequency by "
+            "itself: leave it out and take zvd, zvdd or ei"
+        )
+    if problem.nonlinear:
+        raise PlanError(
+            f"planner {name} with nonlinear = True; must be False, as shapers add up small swings: take collocation"
+        )
+    if problem.input == "force":
+        raise PlanError(
+            f"planner {name} with input force; must be acceleration or jerk, as a shaper acts on the position: "
+            "leave --model at acceleration"
+        )
+    swinging, links = len(problem.model.swing_rates_1_s), problem.model.links_count
+    if swinging < links:
+        raise PlanError(
+            f"planner {name} for {links} modes of which {swinging} swing; all must, as no shaper cancels an overdamped one: "
+            "take matrix_exponential"
+        )
+
+
+def _half_periods(rates_1_s: Sequence[complex]) -> str:
+    """What explains the length when there are several modes."""
+    if len(rates_1_s) == 1:
+        return ""
+    halves = [f"{math.pi / rate.imag:.6f}" for rate in rates_1_s]
+    return f" (half periods {', '.join(halves[:-1])} and {halves[-1]} s)"
 
 
 def shape(trajectory: Trajectory, shaper: Shaper) -> Trajectory:

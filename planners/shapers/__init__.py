@@ -1,0 +1,41 @@
+"""Input shapers: one table, name -> shaper of one mode; and the shaper of several modes at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from planners.shapers.formulas import ei, ei_three_hump, ei_two_hump, mzv, um_zv, zero_vibration, zv, zvd, zvdd, zvddd
+from planners.shapers.impulses import Shaper, convolve, insensitivity, residual, transform
+from planners.shapers.joint import joint
+
+__all__ = [
+    "SHAPERS",
+    "Shaper",
+    "convolve",
+    "ei",
+    "ei_three_hump",
+    "ei_two_hump",
+    "insensitivity",
+    "joint",
+    "mzv",
+    "residual",
+    "transform",
+    "um_zv",
+    "zero_vibration",
+    "zv",
+    "zvd",
+    "zvdd",
+    "zvddd",
+]
+
+SHAPERS: dict[str, Callable[[complex], Shaper]] = {
+    "zv": zv,
+    "zvd": zvd,
+    "zvdd": zvdd,
+    "zvddd": zvddd,
+    "mzv": mzv,
+    "ei": ei,
+    "ei_two_hump": ei_two_hump,
+    "ei_three_hump": ei_three_hump,
+    "um_zv": um_zv,
+}
