@@ -5,19 +5,30 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
+from planners.boundary_value.collocation import plan_collocation
+from planners.boundary_value.convolution import plan_convolution
+from planners.boundary_value.finite_differences import plan_finite_differences
 from planners.boundary_value.matrix_exponential import plan_matrix_exponential
+from planners.boundary_value.shooting import plan_shooting
 from planners.errors import unknown_name
 from planners.metrics import measure
 from planners.motion import Motion
 from planners.problem import Plan, Problem
-from planners.shaping import SHAPERS, plan_shaped
+from planners.shaping import SHAPED, plan_shaped
 from planners.trajectory import Trajectory
 
 Planner = Callable[[Problem], Trajectory]
 
-PLANNERS: dict[str, Planner] = {
+BOUNDARY_VALUE: dict[str, Planner] = {
+    "finite_differences": plan_finite_differences,
+    "shooting": plan_shooting,
+    "collocation": plan_collocation,
+    "convolution": plan_convolution,
     "matrix_exponential": plan_matrix_exponential,
-    **{name: partial(plan_shaped, name) for name in SHAPERS},
+}
+PLANNERS: dict[str, Planner] = {
+    **BOUNDARY_VALUE,
+    **{name: partial(plan_shaped, name) for name in SHAPED},
 }
 
 

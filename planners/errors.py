@@ -17,6 +17,10 @@ class Infeasible(PlanError):
         self.minimum_time_s = minimum_time_s
 
 
+class NotConverged(PlanError):
+    """A numerical method stopped short of its tolerance, e.g. `shooting amplifies rounding 2e+53 times; must be <= 1e+08`."""
+
+
 def unknown_name(what: str, name: str, known: Collection[str]) -> PlanError:
     """The error for a name that is in no table: the nearest one, and the whole list."""
     import difflib
