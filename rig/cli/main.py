@@ -11,7 +11,7 @@ import typer
 from comms.errors import CommsError, LogError
 from planners.errors import PlanError
 from rig.analysis.errors import AnalysisError
-from rig.cli import analyze, calibrate, doctor, plan, run, sim, stop, track
+from rig.cli import analyze, calibrate, compare, doctor, plan, run, sim, stop, track
 from rig.cli.output import print_json
 from rig.errors import BAD_DATA, EXIT_STATUS, REFUSED, USAGE, RigError
 from vision.errors import VisionError
@@ -52,6 +52,7 @@ def _options(
 
 app.command("doctor")(doctor.doctor)
 app.command("plan")(plan.plan)
+app.command("compare")(compare.compare)
 app.command("run")(run.run)
 app.command("stop")(stop.stop)
 app.command("sim")(sim.sim)

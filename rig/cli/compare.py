@@ -1,0 +1,190 @@
+"""`rig compare`: the published tables of source 004 beside our own figures, and its sensitivity curves."""
+
+from __future__ import annotations
+
+import csv
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from comms.clock import stopwatch_s
+from planners.errors import unknown_name
+from rig.cli.output import err, out, print_json
+from rig.compare import table as tables
+from rig.compare.published import TABLES
+from rig.compare.table import Comparison, tolerance
+from rig.errors import BAD_DATA, ConfigError
+
+CHOICES = (*TABLES, "all", "sensitivity")
+WIDTH = 140  # characters, on a narrower terminal too: a table of two bars needs 134
+NOTHING = 1e-12  # rad: a residual below it is rounding, shown as 0
+STYLE = {"reproduced": "green", "partly": "yellow", "false": "red", "no entry": "dim"}
+UNITS = {"_rad": ("mrad", 1e3), "_m_s2": ("m/s²", 1.0), "_m_s": ("m/s", 1.0), "_m": ("m", 1.0)}
+LEGEND = (
+    "published: as printed. ours: in the source's definitions: signed maxima; θ res over as long again after the move;",
+    "speed RMS over [0, 2T], hence 1/√2 of the move's; acceleration RMS unweighted over the technique's own nodes.",
+    "exact: the same problem solved exactly: absolute maxima, RMS over the move, amplitude of the swing left.",
+    "≠: ours and published differ by more than 0.05 % (θ res: 2 %).",
+)
+
+
+def compare(
+    table: Annotated[str, typer.Argument(help=f"{TABLES[0]} to 3.8, 4.1 to {TABLES[-1]}, all, or sensitivity.")],
+    csv_file: Annotated[Path | None, typer.Option("--csv", help="Write one line for each figure.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="With sensitivity: the file to draw into; default sensitivity.svg.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")] = False,
+) -> int:
+    """Show published figures, ours in the source's definitions and exactly, and both computation times.
+
+    Exit 6 when a figure differs that should not, or the other way round.
+    """
+    if table == "sensitivity":
+        return _sensitivity(plot, csv_file, as_json)
+    if plot is not None:
+        raise ConfigError(f"--plot {plot} with table {table}; must be with sensitivity: leave it out")
+    if table not in CHOICES:
+        raise unknown_name("table", table, CHOICES)
+    every: list[Comparison] = []
+    for name in TABLES if table == "all" else (table,):
+        with err.status(f"table {name}: planning every row"):
+            comparisons = tables.compare(name, stopwatch_s)
+        every += comparisons
+        if not as_json:
+            _print(name, comparisons)
+    if csv_file is not None:
+        _write_csv(every, csv_file)
+    if as_json:
+        print_json({"rows": [_document(comparison) for comparison in every]})
+    else:
+        out.print("\n".join(LEGEND), style="dim")
+        out.print(_summary(every))
+    return 0 if all(comparison.as_expected for comparison in every) else BAD_DATA
+
+
+def _sensitivity(plot: Path | None, csv_file: Path | None, as_json: bool) -> int:
+    if csv_file is not None:
+        raise ConfigError(f"--csv {csv_file} with sensitivity; must be with a table: take --json")
+    from rig import picture_file  # matplotlib takes its time, and no table needs it
+    from rig.compare.curves import draw, sensitivity_document
+
+    path = None if as_json and plot is None else plot or Path("sensitivity.svg")
+    if path is not None:
+        picture_file.check(path)
+    with err.status("curves of every plan, on the linear and on the true load"):
+        document = sensitivity_document()
+        if path is not None:
+            draw(document, path)
+    if as_json:
+        print_json(document)
+    else:
+        out.print(f"{len(document)} curves drawn into {path}")
+    return 0
+
+
+def _print(name: str, comparisons: Sequence[Comparison]) -> None:
+    columns = next(c.row.columns for c in comparisons)
+    load = "two bars" if comparisons[0].row.bars else "pendulum"
+    view = Table(title=f"Table {name}: {load}, 0.2 m from rest to rest", title_justify="left", padding=(0, 1, 0, 0), box=None)
+    for header in ("technique", "T [s]", ""):
+        view.add_column(header, no_wrap=True)
+    for header in (*map(_header, columns), "planned in"):
+        view.add_column(header, justify="right", no_wrap=True)
+    notes: dict[str, int] = {}
+    for c in comparisons:
+        note = f" ({notes.setdefault(c.reason, len(notes) + 1)})" if c.reason else ""
+        row = c.row
+        published = [_figure(column, row.published.get(column)) for column in columns]
+        ours = [_figure(column, c.ours.get(column), differs=column in c.off) for column in columns]
+        exact = [_figure(column, c.exact.get(column)) for column in columns]
+        view.add_row(row.technique, f"{row.time_s:g}", "published", *published, _time(row.compute_s))
+        view.add_row(Text(f"{row.verdict}{note}", STYLE[row.verdict]), "", "ours", *ours, _time(c.compute_s))
+        view.add_row("", "", "exact", *exact, end_section=True)
+    Console(width=WIDTH, highlight=False, markup=False).print(view)
+    for reason, number in notes.items():
+        out.print(f"({number}) {reason}")
+    for c in comparisons:
+        if not c.as_expected:
+            found, named = (", ".join(columns) or "nothing" for columns in (c.off, c.row.off))
+            out.print(
+                f"{c.row.technique} in {c.row.time_s:g} s: {found} differs, not {named} {c.refused}".rstrip(), style="bold red"
+            )
+    out.print()
+
+
+def _header(column: str) -> str:
+    symbol, what = column.split("_")[:2]
+    unit, _ = _unit(column)
+    return f"{symbol.replace('theta', 'θ')} {what}\n[{unit}]"
+
+
+def _unit(column: str) -> tuple[str, float]:
+    return next(unit for ending, unit in UNITS.items() if column.endswith(ending))
+
+
+def _figure(column: str, value: float | None, *, differs: bool = False) -> Text:
+    if value is None:
+        return Text("-", "dim")
+    scaled = 0.0 if "_res_" in column and abs(value) < NOTHING else value * _unit(column)[1]
+    return Text(f"{scaled:.5g}{'≠' if differs else ' '}", "yellow" if differs else "")
+
+
+def _time(seconds: float | None) -> str:
+    if seconds is None:
+        return "-"
+    value, unit = (seconds, "s") if seconds >= 1.0 else (seconds * 1e3, "ms")
+    return f"{value:.3g} {unit}" if value < 1e3 else f"{value:.0f} {unit}"
+
+
+def _summary(every: Iterable[Comparison]) -> str:
+    verdicts = Counter(str(c.row.verdict) for c in every)
+    counts = ", ".join(f"{verdicts[verdict]} {verdict}" for verdict in STYLE if verdicts[verdict])
+    return f"{sum(verdicts.values())} rows: {counts}"
+
+
+def _document(c: Comparison) -> dict[str, object]:
+    row = c.row
+    return {
+        "table": row.table,
+        "technique": row.technique,
+        "load": "two bars" if row.bars else "pendulum",
+        "planner": row.method,
+        "input": row.input,
+        "robust": row.robust,
+        "time_s": row.time_s,
+        "verdict": row.verdict,
+        "as_expected": c.as_expected,
+        "reason": c.reason,
+        "refused": c.refused,
+        "published_compute_s": row.compute_s,
+        "compute_s": c.compute_s,
+        "figures": {column: _entry(c, column) for column in row.columns},
+    }
+
+
+def _entry(c: Comparison, column: str) -> dict[str, float | bool | None]:
+    return {
+        "published": c.row.published.get(column),
+        "ours": c.ours.get(column),
+        "exact": c.exact.get(column),
+        "relative_error": c.errors.get(column),
+        "tolerance": tolerance(column),
+        "differs": column in c.off,
+    }
+
+
+def _write_csv(every: Iterable[Comparison], path: Path) -> None:
+    head = ("table", "technique", "planner", "input", "robust", "time_s", "verdict", "published_compute_s", "compute_s")
+    with path.open("w", newline="") as file:
+        lines = csv.writer(file)
+        lines.writerow([*head, "column", "published", "ours", "exact", "relative_error", "tolerance", "differs", "reason"])
+        for c in every:
+            document = _document(c)
+            for column in c.row.columns:
+                values = ["" if value is None else value for value in _entry(c, column).values()]
+                lines.writerow(["" if document[key] is None else document[key] for key in head] + [column, *values, c.reason])

@@ -1,0 +1,1 @@
+"""The published tables of source 004 beside our own figures, in its definitions and exactly."""

@@ -1,0 +1,79 @@
+"""An adaptive Runge-Kutta pair that places its points as the source's shooting did."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from planners.pieces import FloatArray
+
+RELATIVE, ABSOLUTE = 1e-3, 1e-6  # tolerances the source left at their defaults
+REFINE = 4  # points reported for each step
+ORDER = 5
+
+# Dormand and Prince (1980), 5(4): the last row is also the solution
+STAGES = (
+    (1 / 5,),
+    (3 / 40, 9 / 40),
+    (44 / 45, -56 / 15, 32 / 9),
+    (19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729),
+    (9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656),
+    (35 / 384, 0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84),
+)
+ERROR = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
+# Powers 1 to 4 of the share of a step, one row a stage (the pair's interpolant of order 4)
+WITHIN = np.array(
+    [
+        [1, -183 / 64, 37 / 12, -145 / 128],
+        [0, 0, 0, 0],
+        [0, 1500 / 371, -1000 / 159, 1000 / 371],
+        [0, -125 / 32, 125 / 12, -375 / 64],
+        [0, 9477 / 3392, -729 / 106, 25515 / 6784],
+        [0, -11 / 7, 11 / 3, -55 / 28],
+        [0, 3 / 2, -4, 5 / 2],
+    ]
+)
+
+
+def ode45(matrix: FloatArray, start: FloatArray, duration_s: float) -> tuple[FloatArray, FloatArray]:
+    """y' = matrix y: the times (m,) and states (m, n) at the ends of its steps and at REFINE - 1 points within each.
+
+    Step control of Shampine and Reichelt, "The MATLAB ODE suite" (1997): the error is relative to the larger of |y| before
+    and after, not below ABSOLUTE / RELATIVE; a step is at most a tenth of the whole.
+    """
+    longest, t, y = 0.1 * duration_s, 0.0, start
+    floor = ABSOLUTE / RELATIVE
+    steepness = np.max(np.abs(matrix @ y) / np.maximum(np.abs(y), floor)) / (0.8 * RELATIVE ** (1 / ORDER))
+    step = min(longest, 1.0 / float(steepness)) if steepness > 0 else longest
+    times, states = [np.zeros(1)], [y[None]]
+    shares = np.arange(1, REFINE + 1) / REFINE
+    powers = shares[:, None] ** np.arange(1, 5)  # (REFINE, 4)
+    failed = False
+    while t < duration_s:
+        step = min(longest, step)
+        last = 1.1 * step >= duration_s - t
+        step = duration_s - t if last else step
+        slopes, new = _stages(matrix, y, step)
+        error = step * float(np.max(np.abs(ERROR @ slopes) / np.maximum(np.maximum(np.abs(y), np.abs(new)), floor)))
+        if error > RELATIVE:
+            step *= 0.5 if failed else max(0.1, 0.8 * (RELATIVE / error) ** (1 / ORDER))
+            failed = True
+            continue
+        times.append(t + step * shares)
+        states.append(y + step * (powers @ WITHIN.T) @ slopes)
+        states[-1][-1] = new
+        t, y = (duration_s if last else t + step), new
+        step /= 1.0 if failed else max(0.2, 1.25 * (error / RELATIVE) ** (1 / ORDER))
+        failed = False
+    times[-1][-1] = duration_s
+    return np.concatenate(times), np.concatenate(states)
+
+
+def _stages(matrix: FloatArray, y: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
+    """Slopes (7, n) of one step, and where it ends."""
+    slopes = np.zeros((7, len(y)))
+    slopes[0] = matrix @ y
+    new = y
+    for k, weights in enumerate(STAGES, start=1):
+        new = y + step * (np.array(weights) @ slopes[:k])
+        slopes[k] = matrix @ new
+    return slopes, new

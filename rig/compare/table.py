@@ -1,0 +1,138 @@
+"""The published tables beside our own figures: in the source's definitions, and exactly."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Callable
+
+import msgspec
+import numpy as np
+
+from planners.boundary_value.finite_differences import solve_trapezoidal
+from planners.boundary_value.linear import linear_problem
+from planners.catalog import PLANNERS
+from planners.errors import Infeasible
+from planners.models.model import Model, StateSpace
+from planners.pieces import FloatArray
+from planners.problem import Problem
+from planners.trajectory import Trajectory
+from rig.compare.exact import exact_metrics, states_along
+from rig.compare.loads import PENDULUM, TWO_BARS
+from rig.compare.nodes import shaped_nodes, shooting_nodes
+from rig.compare.published import Row, rows
+from rig.compare.source_metrics import InputNodes, measure
+
+DISTANCE_M = 0.2
+TOLERANCE, RESIDUAL_TOLERANCE = 5e-4, 0.02  # relative; of residuals, which are what a rounding of the input leaves
+INTERVALS = 200  # of the source's finite differences
+POINTS = 2000  # of its bvp5c
+HALF_PERIODS_S = {False: (1.0,), True: (0.820, 0.189)}  # the source's own, by whether there are bars
+RUNS, PATIENCE_S = 5, 0.1  # how often a planner is timed, after one run in which it may load what it needs
+SLOW_S = 1.0  # a planner whose first run lasts longer is not run again
+
+
+class Comparison(msgspec.Struct, frozen=True, kw_only=True):
+    """One published row and ours. Figures by column; all empty where no plan exists, which `refused` explains."""
+
+    row: Row
+    ours: dict[str, float]  # the source's definitions, sampling and tuning
+    exact: dict[str, float]  # the same problem solved exactly; see exact_metrics
+    compute_s: float | None  # of our planner of that kind; None when nobody timed it
+    refused: str = ""
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """ours / published - 1, by column."""
+        return {column: self.ours[column] / figure - 1.0 for column, figure in self.row.published.items() if self.ours}
+
+    @property
+    def off(self) -> tuple[str, ...]:
+        """Columns in which ours and the published figure differ by more than the tolerance."""
+        return tuple(column for column, error in self.errors.items() if abs(error) > tolerance(column))
+
+    @property
+    def reason(self) -> str:
+        """Why the row is what it is; "" where there is nothing to say."""
+        if self.row.verdict != "false":
+            return self.row.why
+        excess = 1.0 / (1.0 + self.errors["a_max_m_s2"]) - 1.0
+        return f"{self.row.why}: its peak acceleration is {excess:.1%} above ours".replace("%", " %")
+
+    @property
+    def as_expected(self) -> bool:
+        """Whether exactly the columns differ that the row names; of a dash nothing is expected."""
+        return set(self.off) == set(self.row.off) and bool(self.ours) >= bool(self.row.figures)
+
+
+def tolerance(column: str) -> float:
+    """Relative difference up to which a column counts as reproduced."""
+    return RESIDUAL_TOLERANCE if "_res_" in column else TOLERANCE
+
+
+def compare(table: str, timer: Callable[[], float] | None = None) -> list[Comparison]:
+    """Every row of one table; timer() in seconds times our planners. Raises PlanError for an unknown table."""
+    return [_compare(row, timer) for row in rows(table)]
+
+
+def problem_of(row: Row) -> Problem:
+    """The row's move of its load."""
+    model: Model = TWO_BARS if row.bars else PENDULUM
+    robust = (("length_2" if row.bars else "length"),) if row.robust else ()
+    return Problem(distance_m=DISTANCE_M, time_s=row.time_s, model=model, input=row.input, robust=robust)
+
+
+def _compare(row: Row, timer: Callable[[], float] | None) -> Comparison:
+    problem = problem_of(row)
+    shaped = row.method in ("zv", "zvd")
+    try:
+        best = PLANNERS[row.method if shaped else "convolution"](problem)
+    except Infeasible as refusal:
+        return Comparison(row=row, ours={}, exact={}, compute_s=None, refused=str(refusal))
+    speed = problem.input == "force" or (problem.input == "jerk" and row.bars)
+    plant, nodes = _played(row, problem, best)
+    return Comparison(
+        row=row,
+        ours=measure(plant, nodes, window=row.window, acceleration="speed" if speed else "nodes"),
+        exact=exact_metrics(problem.model, best),
+        compute_s=_seconds(row, problem, timer) if timer else None,
+    )
+
+
+def _played(row: Row, problem: Problem, best: Trajectory) -> tuple[StateSpace, InputNodes]:
+    """What the source simulated: its plant, and the technique's own nodes."""
+    plant = problem.model.state_space(problem.input)
+    if row.method in ("zv", "zvd"):
+        derivatives = int(row.method == "zvd")
+        return plant, shaped_nodes(DISTANCE_M, row.time_s, HALF_PERIODS_S[row.bars], derivatives, row.samples)
+    if row.method == "shooting":
+        return plant, shooting_nodes(PENDULUM, DISTANCE_M, row.time_s, robust=row.robust)
+    if row.method != "finite_differences":
+        t = np.linspace(0.0, row.time_s, POINTS)
+        return plant, InputNodes(t, _input_along(problem, plant, best, t))
+    nodes = solve_trapezoidal(linear_problem(problem), INTERVALS)
+    if problem.input != "jerk" or row.bars:
+        return plant, InputNodes(nodes.t_s, nodes.input)
+    # the source drove the bars through the jerk model's filter, the pendulum by the nodes of what comes out of it
+    acceleration = nodes.states[:, plant.states.index("acceleration_m_s2")]
+    return problem.model.state_space(), InputNodes(nodes.t_s, acceleration)
+
+
+def _input_along(problem: Problem, plant: StateSpace, trajectory: Trajectory, t_s: FloatArray) -> FloatArray:
+    """Acceleration of the platform, or the force that gives it with the load swinging: (m,) at even times."""
+    acceleration = trajectory.at(t_s, 2)
+    if problem.input == "acceleration":
+        return acceleration
+    states = states_along(problem.model, trajectory, len(t_s) - 1)
+    return np.asarray((acceleration - states @ plant.a[1]) / plant.b[1, 0])
+
+
+def _seconds(row: Row, problem: Problem, timer: Callable[[], float]) -> float:
+    plan = PLANNERS[row.method]
+    begin = timer()
+    plan(problem)
+    first, times = timer() - begin, list[float]()
+    while first < SLOW_S and len(times) < RUNS and sum(times) < PATIENCE_S:
+        begin = timer()
+        plan(problem)
+        times.append(timer() - begin)
+    return statistics.median(times or [first])
