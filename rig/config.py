@@ -53,19 +53,35 @@ class MoveSection(Section, frozen=True, kw_only=True):
 
 
 class ModelSection(Section, frozen=True, kw_only=True):
-    """`[model]`: the planner's belief."""
+    """`[model]`: the planner's belief: a cable, or with `links` a chain; masses matter to the force model and to chains."""
 
-    length_m: Annotated[float, Meta(gt=0, le=100)] = 1.0
+    length_m: Annotated[float, Meta(gt=0, le=100)] | None = None  # of the cable, 1 m unless told
+    links: list[
+        str
+    ] = []  # instead of the cable: from the platform down, each "length:mass:kind" in m and kg, kind bar or point
+    stiffness_n_m_rad: list[NotNegative] = []  # of each joint between links
+    joint_damping_n_m_s_rad: list[NotNegative] = []
+    tip_mass_kg: NotNegative = 0.0
     damping_ratio: Annotated[float, Meta(ge=0, lt=1)] = 0.0
     gravity_m_s2: Positive = 9.81
+    mass_kg: Positive = 0.7
+    cart_mass_kg: Positive = 32.0
+
+    @property
+    def cable_m(self) -> float:
+        """Length of the cable when the load hangs on one."""
+        return 1.0 if self.length_m is None else self.length_m
 
 
 class PlanSection(Section, frozen=True, kw_only=True):
     """`[plan]`: options of the planner."""
 
-    input: Literal["acceleration"] = "acceleration"
+    input: Literal["acceleration", "force", "jerk"] = "acceleration"
+    nonlinear: bool = False  # plan for the true pendulum instead of its small swings
     robust: list[str] = []  # parameters whose error the plan should forgive
     law: str = "harmonic"
+    state_weights: dict[str, NotNegative] = {}  # Q's diagonal, by the model's states, e.g. { speed_m_s = 1.0 }
+    input_weight: Positive = 1.0  # R
 
 
 class LimitsSection(Section, frozen=True, kw_only=True):

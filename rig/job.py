@@ -12,11 +12,13 @@ import numpy as np
 from comms.channels import MS
 from planners import catalog
 from planners.errors import PlanError
+from planners.models.chain import ChainModel, parse_links
+from planners.models.model import Model
 from planners.models.pendulum import PendulumModel
 from planners.motion import Motion
 from planners.problem import Limits, Plan, Problem
 from rig import calibration_file
-from rig.config import Experiment
+from rig.config import Experiment, ModelSection
 from rig.controller.task import ControllerSettings
 from rig.errors import ConfigError, Refused
 from rig.plan_record import PlanRecord
@@ -50,10 +52,29 @@ class Job(msgspec.Struct, frozen=True, kw_only=True):
         }
 
 
-def belief(experiment: Experiment) -> PendulumModel:
-    """`[model]`: the load as the planner sees it."""
-    m = experiment.model
-    return PendulumModel(length_m=m.length_m, damping_ratio=m.damping_ratio, gravity_m_s2=m.gravity_m_s2)
+def belief(experiment: Experiment) -> Model:
+    """`[model]`: the load as the planner sees it. Raises ConfigError for one that cannot be."""
+    try:
+        return model_of(experiment.model)
+    except PlanError as error:
+        raise ConfigError(f"[model] {error}") from error
+
+
+def model_of(m: ModelSection) -> Model:
+    """A cable, or a chain where links are named. Raises PlanError."""
+    common = {"damping_ratio": m.damping_ratio, "gravity_m_s2": m.gravity_m_s2, "cart_mass_kg": m.cart_mass_kg}
+    if not m.links:
+        for name in ("stiffness_n_m_rad", "joint_damping_n_m_s_rad", "tip_mass_kg"):
+            if getattr(m, name):
+                raise PlanError(f"{name} = {getattr(m, name)} without links; a cable has none: name links, or leave it out")
+        return PendulumModel(length_m=m.cable_m, mass_kg=m.mass_kg, **common)
+    return ChainModel(
+        links=parse_links(",".join(m.links)),
+        stiffness_n_m_rad=tuple(m.stiffness_n_m_rad),
+        joint_damping_n_m_s_rad=tuple(m.joint_damping_n_m_s_rad),
+        tip_mass_kg=m.tip_mass_kg,
+        **common,
+    )
 
 
 def plan_move(experiment: Experiment, timer: Any = None) -> Plan | None:
@@ -69,8 +90,11 @@ def plan_move(experiment: Experiment, timer: Any = None) -> Plan | None:
             axis=e.move.axis,
             model=belief(e),
             input=e.plan.input,
+            nonlinear=e.plan.nonlinear,
             law=e.plan.law,
             robust=tuple(e.plan.robust),
+            state_weights=e.plan.state_weights,
+            input_weight=e.plan.input_weight,
             limits=Limits(speed_m_s=e.limits.speed_m_s, acceleration_m_s2=e.limits.acceleration_m_s2),
         )
         return catalog.plan(e.experiment.planner, problem, timer)
@@ -85,6 +109,12 @@ def prepare(experiment: Experiment, plan: Plan | None, motion: Motion | None = N
     """
     if plan is not None and plan.reasons:
         raise Refused(f"the plan leaves [limits]: {'; '.join(plan.reasons)}")
+    links = belief(experiment).links_count
+    if links != bench.LINKS:
+        raise Refused(
+            f"[model] links names {links} links, [bench.pendulum] hangs on {bench.LINKS}; both must have as many: "
+            "look at the plan with `rig plan --links`, or believe in a cable (length_m)"
+        )
     record = _record(experiment, plan, motion or (plan.motion if plan else None))
     envelope = _envelope(experiment)
     _check_envelope(record, envelope)

@@ -52,7 +52,7 @@ def table(name):
 
 
 def test_every_verb_explains_itself(rig):
-    verbs = ("doctor", "plan", "run", "stop", "sim", "track", "calibrate", "analyze")
+    verbs = ("doctor", "plan", "compare", "run", "stop", "sim", "track", "calibrate", "analyze")
     code, said, _ = rig("--help")
     assert code == 0
     assert all(verb in said for verb in verbs)
@@ -241,3 +241,91 @@ def test_a_camera_that_sees_nothing_stops_the_move_as_a_fault(rig):
     document = msgspec.json.decode(said)
     assert (code, document["exit_status"]) == (5, "fault")
     assert "no valid cable angle" in document["reasons"][0]
+
+
+BARS = ["--links", "0.5:3.375:bar,0.5:3.375:bar", "--stiffness", "10", "--joint-damping", "2.214e-4"]
+PLAN_KEYS = [
+    "planner", "model", "robust", "distance_m", "time_s", "peak_swing_rad", "residual_swing_rad", "residual_swing_nonlinear_rad",
+    "peak_speed_m_s", "rms_speed_m_s", "peak_acceleration_m_s2", "rms_acceleration_m_s2", "travel_m", "acceleration_continuous",
+    "compute_s", "status",
+]  # fmt: skip
+
+
+def test_a_chain_is_planned_robustly_and_drawn(rig):
+    code, said, _ = rig("plan", *BARS, "--model", "jerk", "--robust", "length_2", "--time", 2, "--plot", "plan.svg", "--json")
+    document = msgspec.json.decode(said)
+    assert code == 0
+    assert list(document)[: len(PLAN_KEYS)] == PLAN_KEYS
+    assert (document["model"], document["robust"], document["acceleration_continuous"]) == ("jerk", ["length_2"], True)
+    assert document["peak_acceleration_m_s2"] == pytest.approx(2.3073, rel=1e-4)  # source 004, table 4.6, exact
+    assert document["residual_swing_rad"] < 1e-11
+    assert Path("plan.svg").read_text().count("<svg") == 1
+
+
+def test_a_plan_starts_from_a_swinging_load_and_weighs_states(rig):
+    code, said, _ = rig("plan", "--start", "angle_rad=0.05", "--weight", "angle_rad=500", "--time", 1.8, "--json")
+    document = msgspec.json.decode(said)
+    assert code == 0
+    assert document["peak_swing_rad"] >= 0.05
+    assert document["residual_swing_rad"] < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--robust", "lenght"], "parameter in robust = 'lenght'; did you mean 'length'?"),
+        (["--robust", "length_1"], "parameter in robust = 'length_1'; did you mean 'length'?"),
+        (["--links", "0.5:3:rod"], "kind of a link = 'rod'; must be one of bar, point"),
+        (["--links", "0.5"], "link = '0.5'; must be length:mass:kind in m and kg"),
+        (["--links", "0.5:1:bar", "--length", "1"], "--length 1 with --links 0.5:1:bar; must be one of the two"),
+        (["--stiffness", "3"], "stiffness_n_m_rad = [3.0] without links"),
+        ([*BARS[:2], "--stiffness", "1,2"], "stiffness_n_m_rad: 2 values; must be 1"),
+        (["--stiffness", "much"], "--stiffness 'much'; must be numbers with commas"),
+        (["--start", "angle_rad"], "--start 'angle_rad'; must be state=value"),
+        (["--model", "torque"], "input = 'torque'; did you mean 'force'? must be one of acceleration, force, jerk"),
+        (["--time", "nan"], "time_s = nan; must be > 0 and finite"),
+        (["--nonlinear"], "nonlinear = True for matrix_exponential; must be False: take collocation"),
+        (["--planner", "zvd", "--time", "2"], "time_s = 2.0; must be > 2.006067"),
+        (["--plot", "plan.doc"], "--plot 'plan.doc'; must end in one of .svg, .png, .pdf"),
+    ],
+)
+def test_a_plan_that_cannot_be_is_refused_by_name(rig, words, told):
+    code, said, why = rig("plan", *words)
+    assert (code, said) == (2, "")
+    assert told in why
+
+
+def test_a_chain_is_not_run_on_a_bench_with_one_link(rig):
+    code, _, why = rig("run", "move", "--virtual", "--set", 'model.links=["0.5:3.375:bar", "0.5:3.375:bar"]')
+    assert code == 3
+    assert "[model] links names 2 links, [bench.pendulum] hangs on 1" in why
+
+
+@pytest.mark.parametrize("planner", ["finite_differences", "shooting", "collocation", "convolution", "zvd", "ei", "zv_joint"])
+def test_every_kind_of_planner_runs_on_the_rig(rig, planner):
+    limits = ["--set", "move.time_s=2.6", "--set", "move.distance_m=0.1"]
+    code, said, _ = rig("run", "move", "--virtual", "--no-report", "--json", "--planner", planner, *BRIEF, *limits)
+    document = msgspec.json.decode(said)
+    assert (code, document["planner"], document["verdict"]) == (0, planner, "good")
+
+
+def test_a_robust_jerk_plan_is_an_experiment(rig):
+    words = ["--set", 'plan.input="jerk"', "--set", 'plan.robust=["length"]', "--set", "move.time_s=2.5"]
+    code, said, _ = rig("run", "move", "--virtual", "--no-report", "--json", *BRIEF, *words)
+    document = msgspec.json.decode(said)
+    assert (code, document["verdict"]) == (0, "good")
+    assert document["truth"]["residual_swing_rad"] < 0.4e-3  # the plain plan leaves 1.6 mrad on a cable 2 cm shorter
+
+
+def test_a_published_table_is_shown_with_its_verdicts(rig):
+    code, said, _ = rig("compare", "3.7", "--csv", "rows.csv")
+    assert code == 0
+    assert "reproduced" in said
+    assert "not the minimiser" in said
+    rows = table("rows.csv")
+    assert {row["technique"] for row in rows} >= {"ZVD", "DF Rob", "bvp5c Rob", "Shooting Rob"}
+    code, said, _ = rig("compare", "3.7", "--json")
+    document = msgspec.json.decode(said)
+    assert code == 0
+    assert all(row["as_expected"] for row in document["rows"])
+    assert rig("compare", "3.9")[0] == 2

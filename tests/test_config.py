@@ -68,7 +68,7 @@ MISTAKES = {
     ),
     "an unknown key with none near": (
         SMALLEST + "[plan]\nqqq = 1",
-        "[plan] qqq: unknown key; known here: input, robust, law",
+        "[plan] qqq: unknown key; known here: input, nonlinear, robust, law, state_weights, input_weight",
     ),
     "an unknown link": (
         SMALLEST + "[links.refrence]\nloss = 0.1",

@@ -200,7 +200,7 @@ def _initial_swing(run: RunLog) -> float | None:
     quiet = (t >= run.t_start_s) & (t < run.t_move_s)
     model = run.experiment.model
     try:
-        return initial_swing_rad(t[quiet], angle[quiet], math.sqrt(model.gravity_m_s2 / model.length_m))
+        return initial_swing_rad(t[quiet], angle[quiet], math.sqrt(model.gravity_m_s2 / model.cable_m))
     except AnalysisError:
         return None
 

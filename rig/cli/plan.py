@@ -13,11 +13,13 @@ from rich.table import Table
 
 from comms.clock import stopwatch_s
 from planners import catalog
-from planners.models.pendulum import PendulumModel
+from planners.laws import LAWS
+from planners.models.model import INPUTS
 from planners.problem import Limits, Plan, Problem
 from rig.cli.output import out, print_json
-from rig.config import LimitsSection
-from rig.errors import REFUSED
+from rig.config import LimitsSection, ModelSection
+from rig.errors import REFUSED, ConfigError
+from rig.job import model_of
 
 SAMPLE_S = 0.01
 
@@ -26,25 +28,77 @@ def plan(
     planner: Annotated[str, typer.Option(help=f"One of: {', '.join(catalog.PLANNERS)}.")] = "matrix_exponential",
     distance: Annotated[float, typer.Option(help="Distance in m.")] = 0.2,
     time: Annotated[float, typer.Option(help="Time of the move in s.")] = 1.5,
-    length: Annotated[float, typer.Option(help="Believed cable length in m.")] = 1.0,
-    damping: Annotated[float, typer.Option(help="Believed damping ratio.")] = 0.0,
+    length: Annotated[float | None, typer.Option(help="Believed cable length in m; 1 without --links.")] = None,
+    damping: Annotated[float, typer.Option(help="Believed damping ratio of every mode.")] = 0.0,
+    model: Annotated[str, typer.Option(help=f"What moves the platform: {', '.join(INPUTS)}.")] = "acceleration",
+    robust: Annotated[
+        list[str] | None,
+        typer.Option(help="Parameter whose error to forgive, e.g. length, length_1, stiffness_1; repeat, or commas."),
+    ] = None,
+    links: Annotated[
+        str | None,
+        typer.Option(help="A chain instead of a cable: length:mass:kind in m and kg, e.g. 0.5:3.375:bar,0.5:3.375:bar."),
+    ] = None,
+    stiffness: Annotated[str, typer.Option(help="Of each joint between links in N m/rad, with commas.")] = "",
+    joint_damping: Annotated[str, typer.Option(help="Of each joint between links in N m s/rad, with commas.")] = "",
+    tip_mass: Annotated[float, typer.Option(help="At the end of the chain in kg.")] = 0.0,
+    mass: Annotated[
+        float, typer.Option(help="Of the load on a cable in kg; matters with --model force.")
+    ] = ModelSection().mass_kg,
+    cart_mass: Annotated[
+        float, typer.Option(help="Of the platform in kg; matters with --model force.")
+    ] = ModelSection().cart_mass_kg,
+    law: Annotated[str, typer.Option(help=f"Motion law that a shaper shapes: {', '.join(LAWS)}.")] = "harmonic",
+    nonlinear: Annotated[bool, typer.Option("--nonlinear", help="Plan for the true pendulum, not for small swings.")] = False,
+    start: Annotated[
+        list[str] | None, typer.Option(help="State that is not at rest at the start, e.g. angle_rad=0.05; repeat.")
+    ] = None,
+    goal: Annotated[list[str] | None, typer.Option(help="The same for the end.")] = None,
+    weight: Annotated[
+        list[str] | None, typer.Option(help="Weight of a squared state, the input's being 1: e.g. angle_rad=50; repeat.")
+    ] = None,
     speed_limit: Annotated[float, typer.Option(help="Limit on speed in m/s.")] = LimitsSection().speed_m_s,
     acceleration_limit: Annotated[
         float, typer.Option(help="Limit on acceleration in m/s².")
     ] = LimitsSection().acceleration_m_s2,
     csv_file: Annotated[Path | None, typer.Option("--csv", help="Write t, x, v, a every 10 ms.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Draw the move and the swing it makes: .svg, .png or .pdf.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")] = False,
 ) -> int:
     """Plan a move along X and say what it asks for and what swing it leaves; exit 3 when it leaves the limits."""
+    if links and length is not None:
+        raise ConfigError(f"--length {length:g} with --links {links}; must be one of the two: leave one out")
+    believed = ModelSection(
+        length_m=length,
+        links=links.split(",") if links else [],
+        stiffness_n_m_rad=_numbers("--stiffness", stiffness),
+        joint_damping_n_m_s_rad=_numbers("--joint-damping", joint_damping),
+        tip_mass_kg=tip_mass,
+        damping_ratio=damping,
+        mass_kg=mass,
+        cart_mass_kg=cart_mass,
+    )
     problem = Problem(
         distance_m=distance,
         time_s=time,
-        model=PendulumModel(length_m=length, damping_ratio=damping),
+        model=model_of(believed),
+        input=model,
+        robust=tuple(name for text in robust or () for name in text.split(",") if name),
+        law=law,
+        nonlinear=nonlinear,
+        start_state=_states("--start", start or []),
+        goal_state=_states("--goal", goal or []),
+        state_weights=_states("--weight", weight or []),
         limits=Limits(speed_m_s=speed_limit, acceleration_m_s2=acceleration_limit),
     )
     made = catalog.plan(planner, problem, stopwatch_s)
     if csv_file is not None:
         _write_csv(made, csv_file)
+    if plot is not None:
+        from rig import picture_file  # matplotlib takes its time
+        from rig.plan_figure import draw_plan
+
+        picture_file.save(draw_plan(made), plot)
     if as_json:
         print_json(_document(made))
     else:
@@ -52,6 +106,24 @@ def plan(
         for reason in made.reasons:
             out.print(f"over limits: {reason}", style="yellow")
     return REFUSED if made.reasons else 0
+
+
+def _numbers(option: str, text: str) -> list[float]:
+    try:
+        return [float(word) for word in text.split(",") if word.strip()]
+    except ValueError:
+        raise ConfigError(f"{option} {text!r}; must be numbers with commas, one for each joint: e.g. {option} 10,10") from None
+
+
+def _states(option: str, texts: list[str]) -> dict[str, float]:
+    states = {}
+    for text in texts:
+        name, _, value = text.partition("=")
+        try:
+            states[name.strip()] = float(value)
+        except ValueError:
+            raise ConfigError(f"{option} {text!r}; must be state=value: e.g. {option} angle_rad=0.05") from None
+    return states
 
 
 def _document(made: Plan) -> dict[str, object]:
@@ -71,12 +143,16 @@ def _document(made: Plan) -> dict[str, object]:
 
 def _table(made: Plan) -> Table:
     p, m = made.problem, made.metrics
+    n = p.model.links_count
+    load = f"{n} links" if n > 1 else "cable " + f"{p.model.parameters['length']:g} m"
+    robust = f", robust to {', '.join(p.robust)}" if p.robust else ""
     table = Table(
-        title=f"{made.planner}: {p.distance_m:g} m in {p.time_s:g} s, cable {p.model.length_m:g} m", title_justify="left"
+        title=f"{made.planner}: {p.distance_m:g} m in {p.time_s:g} s, {load}, {p.input} input{robust}", title_justify="left"
     )
     table.add_column("")
     table.add_column("", justify="right")
     rows = (
+        ("modes", ", ".join(f"{abs(rate) / (2 * np.pi):.4f} Hz" for rate in p.model.swing_rates_1_s)),
         ("peak swing", f"{m.peak_swing_rad * 1e3:.3f} mrad"),
         ("residual swing, linear model", f"{m.residual_swing_rad * 1e3:.6f} mrad"),
         ("residual swing, true pendulum", f"{m.residual_swing_nonlinear_rad * 1e3:.4f} mrad"),

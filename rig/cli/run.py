@@ -118,7 +118,7 @@ def _announcement(job: Job, plan: Plan | None, mode: str, plan_s: float) -> Tabl
     if plan is not None:
         m = plan.metrics
         table.add_row("plan", f"{plan.planner}: {e.move.distance_m:g} m along {e.move.axis} in {e.move.time_s:g} s")
-        table.add_row("believes", f"cable {e.model.length_m:g} m, damping ratio {e.model.damping_ratio:g}")
+        table.add_row("believes", f"cable {e.model.cable_m:g} m, damping ratio {e.model.damping_ratio:g}")
         table.add_row(
             "asks for",
             f"{m.peak_speed_m_s:.3f} m/s (limit {e.limits.speed_m_s:g}), "

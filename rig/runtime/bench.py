@@ -14,6 +14,7 @@ from sim_rig.camera import Pinhole
 from sim_rig.params import BenchParams, Camera, Pendulum, Robot, View
 from sim_rig.task import BenchTask
 
+LINKS = 1  # the simulated load hangs on
 TruthRow = tuple[int, float, float, Any]  # frame, t_s, angle_rad, BGR picture
 
 
