@@ -33,7 +33,9 @@ format: $(READY)
 	$(BIN)/ruff check --fix .
 
 bench: $(READY)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[peers]'
 	$(THREADS) $(BIN)/python benchmarks/loop.py
+	$(THREADS) $(BIN)/python benchmarks/planners.py
 
 clean:
 	rm -rf $(VENV) build *.egg-info
