@@ -38,6 +38,10 @@ CASES: tuple[tuple[str, Model, str, tuple[str, ...], tuple[float, ...]], ...] = 
     ("3 dof jerk", TWO_BARS, "jerk", (), (2.0, 1.5)),
     ("3 dof robust jerk", TWO_BARS, "jerk", ("length_2",), (2.0, 1.5)),
 )
+HEAD = (
+    f"{'problem':20s}{'T s':>5s}{'coeff':>8s}{'plan':>8s}{'+1001':>8s}{'mat.exp':>8s}"
+    f"{'solve_bvp':>10s}{'IPOPT':>10s}{'build':>10s}    ratios"
+)
 SAMPLES, NODES, INTERVALS, DEGREE = 1001, 201, 100, 3
 
 
@@ -49,10 +53,9 @@ def main() -> None:
         casadi = None
         print("CasADi is not installed (make bench installs it); its columns stay empty")
     print(f"interpreter: sum(range(1000)) takes {_median(lambda: sum(range(1000)), 500) * 1e6:.1f} us\n")
-    print("us: coefficients (Gramian and solve) | plan | plan and 1001 positions; ms: peers; ratios: peer / plan and positions")
-    print(
-        f"{'problem':20s}{'T s':>5s}{'coeff':>7s}{'plan':>7s}{'+1001':>7s}{'mat.exp':>9s}{'solve_bvp':>11s}{'IPOPT':>8s}{'build':>8s}   ratios"
-    )
+    print("us: coefficients (Gramian and solve), plan, plan and 1001 positions, the same plan by matrix_exponential;")
+    print("ms: solve_bvp, IPOPT and its building; ratios: solve_bvp and IPOPT over plan and 1001 positions")
+    print(HEAD)
     problems = [(name, _problem(m, i, r, t)) for name, m, i, r, times in CASES for t in times]
     for name, problem in problems:
         _row(name, problem, casadi)
@@ -76,9 +79,10 @@ def _row(name: str, problem: Problem, casadi: Any) -> None:
         solver = _casadi(casadi, linear)
         build = stopwatch_s() - began
         solve = _median(solver, 3)
-    ratios = f"{bvp / whole:.0f}x {solve / whole:.0f}x" if casadi is not None else f"{bvp / whole:.0f}x"
-    times = f"{coefficients * 1e6:7.0f}{plan * 1e6:7.0f}{whole * 1e6:7.0f}{flow * 1e6:9.0f}{bvp * 1e3:11.1f}{solve * 1e3:8.1f}{build * 1e3:8.0f}"
-    print(f"{name:20s}{problem.time_s:5g}{times}   {ratios}", flush=True)
+    micro = "".join(f"{seconds * 1e6:8.0f}" for seconds in (coefficients, plan, whole, flow))
+    milli = "".join(f"{seconds * 1e3:10.1f}" for seconds in (bvp, solve, build))
+    ratios = "".join(f"{peer / whole:9.0f}x" for peer in (bvp, solve) if peer == peer)
+    print(f"{name:20s}{problem.time_s:5g}{micro}{milli}{ratios}", flush=True)
 
 
 def _all_solvers(problems: list[tuple[str, Problem]]) -> None:

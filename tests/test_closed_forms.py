@@ -31,8 +31,8 @@ THREE = ChainModel(
     links=(Link(0.4, 1.0), Link(0.3, 0.8), Link(0.3, 0.5, "point")), stiffness_n_m_rad=(3.0, 2.0), tip_mass_kg=0.4
 )
 
-# source 004, tables 3.1 to 4.7, exact values recomputed: model, input, robust, T, angle maxima, travel, v max, v rms, a max, a rms
-# (None: not given). Jerk rows are left out here: the tables' are nodes of a difference scheme.
+# source 004, tables 3.1 to 4.7, exact values recomputed: model, input, robust, T, angle maxima, travel, v max, v rms, a max,
+# a rms (None: not given). Jerk rows are left out here: the tables' are nodes of a difference scheme.
 EXACT = [
     (METRE, "acceleration", (), 2.0, (0.0408949,), 0.2, 0.138180, 0.104893, 0.771330, 0.278575),
     (METRE, "acceleration", (), 0.5, (0.615101,), 1.07120, 7.76939, 5.19428, 268.696, 100.771),
@@ -87,7 +87,8 @@ def linear_peaks(model, trajectory):
     a, b = model.equations.swing("driven")
     out = solve_ivp(
         lambda t, x: a @ x + b * float(trajectory.at(t, 2)),
-        (0, trajectory.duration_s), np.zeros(len(b)), "DOP853", rtol=1e-9, atol=1e-11, max_step=trajectory.duration_s / 50, dense_output=True,
+        (0, trajectory.duration_s), np.zeros(len(b)), "DOP853",
+        rtol=1e-9, atol=1e-11, max_step=trajectory.duration_s / 50, dense_output=True,
     )  # fmt: skip
     angles = out.sol(np.linspace(0, trajectory.duration_s, 20001))[: model.links_count]
     return np.abs(angles).max(axis=1)
@@ -283,7 +284,8 @@ class Twins(Model):
     @property
     def equations(self):
         return Equations(
-            np.diag([1.0, self.second_m**2]), np.array([1.0, self.moment * self.second_m]), np.diag([0.0, self._spring()]), np.zeros((2, 2)), 9.81, 2.0, 30.0
+            np.diag([1.0, self.second_m**2]), np.array([1.0, self.moment * self.second_m]),
+            np.diag([0.0, self._spring()]), np.zeros((2, 2)), 9.81, 2.0, 30.0,
         )  # fmt: skip
 
     def _spring(self):

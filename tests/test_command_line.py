@@ -245,9 +245,9 @@ def test_a_camera_that_sees_nothing_stops_the_move_as_a_fault(rig):
 
 BARS = ["--links", "0.5:3.375:bar,0.5:3.375:bar", "--stiffness", "10", "--joint-damping", "2.214e-4"]
 PLAN_KEYS = [
-    "planner", "model", "robust", "distance_m", "time_s", "peak_swing_rad", "residual_swing_rad", "residual_swing_nonlinear_rad",
-    "peak_speed_m_s", "rms_speed_m_s", "peak_acceleration_m_s2", "rms_acceleration_m_s2", "travel_m", "acceleration_continuous",
-    "compute_s", "status",
+    "planner", "model", "robust", "distance_m", "time_s", "peak_swing_rad", "residual_swing_rad",
+    "residual_swing_nonlinear_rad", "peak_speed_m_s", "rms_speed_m_s", "peak_acceleration_m_s2",
+    "rms_acceleration_m_s2", "travel_m", "acceleration_continuous", "compute_s", "status",
 ]  # fmt: skip
 
 

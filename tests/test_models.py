@@ -390,7 +390,7 @@ def test_a_parameter_at_zero_has_a_slope_too(name):
 def test_the_angles_sensitivities_can_be_reached_and_the_positions_cannot(model, name, input):
     assert check_reachable(augmented(model, input, [name]))
     with pytest.raises(
-        PlanError, match="states are tied to others .*; must be 0 for .*: take the sensitivities of the angles alone"
+        PlanError, match=r"states are tied to others .*; must be 0 for .*: take the sensitivities of the angles alone"
     ):
         check_reachable(augmented(model, input, [name], states="all"))
     deaf = (f"position_m_per_{name}", f"speed_m_s_per_{name}")

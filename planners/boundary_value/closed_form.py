@@ -91,26 +91,26 @@ class _Path:
 
     def answer(self, push: ExpPolynomial) -> ExpPolynomial:
         """Position of the platform while this input acts."""
-        end = np.asarray(push.duration_s)
         if self._problem.input == "force":
             return self._answer_force(push.scaled(1.0 / self._whole_kg))
         if self._problem.input == "jerk":
             lag = self._problem.lag_s
             push = _real(driven(push.scaled(1.0 / lag), complex(-1.0 / lag), complex(self._acceleration)), push.duration_s)
-            self._acceleration = float(push.at(end))
-        move = push.integral(self._speed).integral(self.position_m)
-        self.position_m, self._speed = float(move.at(end)), float(move.at(end, 1))
+            self._acceleration = push.value(push.duration_s)
+        speed = push.integral(self._speed)
+        move = speed.integral(self.position_m)
+        self.position_m, self._speed = move.value(push.duration_s), speed.value(push.duration_s)
         return move
 
     def _answer_force(self, push: ExpPolynomial) -> ExpPolynomial:
-        end = np.asarray(push.duration_s)
-        move = push.integral(self.centre[1]).integral(self.centre[0])
-        self.centre = [float(move.at(end)), float(move.at(end, 1))]
+        speed = push.integral(self.centre[1])
+        move = speed.integral(self.centre[0])
+        self.centre = [move.value(push.duration_s), speed.value(push.duration_s)]
         for k, (rate, share, value) in enumerate(self._swing):
             terms = driven(push, rate, value)
             self._swing[k] = (rate, share, sum((term.at(push.duration_s) for term in terms), 0j))
             move = reduce(add_closed, (term.real(share, push.duration_s) for term in terms), move)
-        self.position_m = float(move.at(end))
+        self.position_m = move.value(push.duration_s)
         return move
 
 

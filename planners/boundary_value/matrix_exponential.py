@@ -95,8 +95,7 @@ def _cells(problem: Problem, linear: LinearProblem, levels: list[_Reach], costat
         coefficients.append((row @ z).real / (k * (k - 1)))
         z = s @ z / (k - 1)
     pieces = tuple(ExpPolynomial(duration_s, tuple(c)) for c in np.transpose(coefficients).tolist())
-    end = float(pieces[-1].at(np.asarray(duration_s)))
-    return Trajectory(checked_end(problem, "matrix_exponential", pieces, end))
+    return Trajectory(checked_end(problem, "matrix_exponential", pieces, pieces[-1].value(duration_s)))
 
 
 def _exponential(matrix: ComplexArray) -> ComplexArray:

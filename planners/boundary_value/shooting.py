@@ -15,10 +15,11 @@ from planners.problem import Problem
 from planners.trajectory import Trajectory
 
 RELATIVE, ABSOLUTE = 1e-11, 1e-13  # of the integration, in sizes
-MISS = 1e-9  # of the end state, in sizes
+AIM = 1e-10  # of the end state, in sizes
+MISS = 1e-8  # what the integration's own error may leave of it
 AMPLIFIED = 1e8  # times rounding, 2e-16 of a size, is still a good end
 ROUNDS = 10  # of Newton
-LOST = 100.0  # sizes: a shot whose state gets there has missed
+LOST = 100.0  # sizes: a shot at the true pendulum that gets there has missed
 SHORTEST_STEP = 0.2  # share of a Newton step: shorter ones only crawl
 
 
@@ -59,9 +60,7 @@ def _aim(asked: Conditions, costate: FloatArray) -> FloatArray:
     begin = np.concatenate([asked.start, costate]) / size
     miss, slope = _shot(asked, begin)
     for _ in range(ROUNDS):
-        if np.abs(miss).max() <= MISS:
-            return begin[n:] * size[n:]
-        if not np.isfinite(miss).all():
+        if np.abs(miss).max() <= AIM or not np.isfinite(miss).all():
             break
         step, share = np.concatenate([np.zeros(n), np.linalg.solve(slope, -miss)]), 1.0
         there, slope = _shot(asked, begin + step)
@@ -71,6 +70,8 @@ def _aim(asked: Conditions, costate: FloatArray) -> FloatArray:
         if share <= SHORTEST_STEP:
             break
         begin, miss = begin + share * step, there
+    if np.abs(miss).max() <= MISS:
+        return begin[n:] * size[n:]
     raise NotConverged(
         f"shooting still misses the goal by {np.abs(miss).max():.3g} of its size in time_s = {asked.time_s}; must be <= "
         f"{MISS:g}: give the move more time, or take collocation or finite_differences"
@@ -94,7 +95,9 @@ def _shot(asked: Conditions, begin: FloatArray) -> tuple[FloatArray, FloatArray]
 
     lost.terminal = True  # type: ignore[attr-defined]
     first = np.column_stack([begin, np.eye(2 * n)[:, n:]]).ravel()
-    done = solve_ivp(slope, (0.0, asked.time_s), first, "DOP853", rtol=RELATIVE, atol=ABSOLUTE, events=lost)
+    done = solve_ivp(
+        slope, (0.0, asked.time_s), first, "DOP853", rtol=RELATIVE, atol=ABSOLUTE, events=None if asked.linear else lost
+    )
     if done.status != 0:
         return np.full(n, np.inf), np.eye(n)
     last = done.y[:, -1].reshape(2 * n, n + 1)[:n]

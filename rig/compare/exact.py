@@ -7,7 +7,7 @@ import numpy as np
 from planners.metrics import swing_after
 from planners.models.model import Model
 from planners.pieces import FloatArray
-from planners.replay import Swing
+from planners.replay.swing import Swing
 from planners.trajectory import Trajectory
 from rig.compare.source_metrics import InputNodes, respond
 
