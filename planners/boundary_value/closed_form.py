@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import reduce
 from itertools import pairwise
 
@@ -39,7 +39,7 @@ def trajectory_of(problem: Problem, linear: LinearProblem, shares: ComplexArray,
     return Trajectory(checked_end(problem, planner, tuple(pieces), path.position_m))
 
 
-def checked_end(problem: Problem, planner: str, pieces: tuple[ExpPolynomial, ...], end_m: float) -> tuple[ExpPolynomial, ...]:
+def checked_end(problem: Problem, planner: str, pieces: Sequence[ExpPolynomial], end_m: float) -> Sequence[ExpPolynomial]:
     """The pieces, if they end where the problem wants them to; PlanError otherwise."""
     error = abs(end_m - problem.start_m - problem.distance_m)
     if not error <= END_ERROR * max(abs(problem.distance_m), SHORT_MOVE_M):

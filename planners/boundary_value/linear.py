@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
@@ -87,11 +88,22 @@ class LinearProblem:
         return np.block([[self.a, np.outer(self.b, -self.b / self.r)], [-self.q, -self.a.T]])
 
     @property
+    def costate_unit(self) -> float:
+        """What the costates of modes are counted in, so that Q and bb'/r are of one size; 1 without weights."""
+        largest = float(np.abs(self._modal_weights).max())
+        return math.sqrt(largest * self.r) or 1.0
+
+    @property
     def modal_hamiltonian(self) -> ComplexArray:
-        """The same for z = [xi; costate of xi]: (2n, 2n), complex."""
-        spectrum = self.system.spectrum
-        q = spectrum.columns.conj().T @ self.q @ spectrum.columns
-        return np.block([[spectrum.a, np.outer(spectrum.b, -spectrum.b / self.r)], [-q, -spectrum.a.conj().T]])
+        """The same for z = [xi; costate of xi / costate_unit]: (2n, 2n), complex."""
+        spectrum, unit = self.system.spectrum, self.costate_unit
+        push = np.outer(spectrum.b, spectrum.b * (-unit / self.r))
+        return np.block([[spectrum.a, push], [-self._modal_weights / unit, -spectrum.a.conj().T]])
+
+    @property
+    def _modal_weights(self) -> ComplexArray:
+        columns = self.system.spectrum.columns
+        return np.asarray(columns.conj().T @ self.q @ columns)
 
 
 def linear_problem(problem: Problem) -> LinearProblem:

@@ -9,13 +9,16 @@ import numpy as np
 
 from planners.boundary_value.closed_form import checked_end, refuse_nonlinear, spoilt, trajectory_of
 from planners.boundary_value.linear import LinearProblem, linear_problem
-from planners.pieces import ComplexArray, ExpPolynomial
+from planners.cells import Polynomials
+from planners.errors import PlanError
+from planners.pieces import ComplexArray
 from planners.problem import Problem
 from planners.trajectory import Trajectory
 
 TAYLOR = 1.0 / np.array([math.factorial(k) for k in range(20)]).reshape(5, 4)  # 1/20! = 4e-19: enough for norm <= 1
 DEGREE = 18  # of the polynomial pieces of a step of norm <= 1
 REFINEMENTS = 2
+MOST_CELLS = 4096  # polynomial pieces of a plan with state weights
 
 
 def plan_matrix_exponential(problem: Problem) -> Trajectory:
@@ -62,7 +65,13 @@ def _doubled(linear: LinearProblem) -> list[_Reach]:
     Without state weights g is minus the Gramian, and W(2h) = W + phi W phi*.
     """
     n, s = len(linear.start), linear.modal_hamiltonian
-    steps = max(0, math.frexp(float(np.abs(s).sum(axis=1).max()) * linear.time_s)[1])
+    size = float(np.abs(s).sum(axis=1).max()) * linear.time_s
+    if linear.q.any() and not size <= MOST_CELLS:
+        raise PlanError(
+            f"state_weights over input_weight = {linear.r:g} make a motion {size:.3g} times faster than "
+            f"time_s = {linear.time_s}; must be <= {MOST_CELLS}: weigh the states less"
+        )
+    steps = max(0, math.frexp(size)[1])
     flow = _exponential(s * (linear.time_s / 2.0**steps))
     back = np.asarray(np.linalg.inv(flow[n:, n:]), dtype=np.complex128)
     levels = [_Reach(back.conj().T, flow[:n, n:] @ back, -back @ flow[n:, :n])]
@@ -89,12 +98,14 @@ def _cells(problem: Problem, linear: LinearProblem, levels: list[_Reach], costat
         x, p = (np.stack(pair, axis=-1).reshape(len(x), -1) for pair in ((x, middle), (met, p)))
     z = np.vstack([x, levels[0].h @ x + levels[0].phi.conj().T @ p])  # (2n, intervals)
     s, duration_s = linear.modal_hamiltonian, problem.time_s / z.shape[1]
-    row = np.concatenate([linear.a[1] @ spectrum.columns, -linear.b[1] / linear.r * spectrum.b])  # the platform's acceleration
+    row = np.concatenate(
+        [linear.a[1] @ spectrum.columns, -linear.b[1] * linear.costate_unit / linear.r * spectrum.b]
+    )  # the platform's acceleration
     coefficients = list((spectrum.columns[:2] @ x).real)
     for k in range(2, DEGREE + 1):
         coefficients.append((row @ z).real / (k * (k - 1)))
         z = s @ z / (k - 1)
-    pieces = tuple(ExpPolynomial(duration_s, tuple(c)) for c in np.transpose(coefficients).tolist())
+    pieces = Polynomials(np.full(len(coefficients[0]), duration_s), np.transpose(coefficients))
     return Trajectory(checked_end(problem, "matrix_exponential", pieces, pieces[-1].value(duration_s)))
 
 
