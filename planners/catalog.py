@@ -10,13 +10,15 @@ from planners.boundary_value.convolution import plan_convolution
 from planners.boundary_value.finite_differences import plan_finite_differences
 from planners.boundary_value.matrix_exponential import plan_matrix_exponential
 from planners.boundary_value.shooting import plan_shooting
-from planners.errors import unknown_name
+from planners.errors import NotConverged, unknown_name
 from planners.metrics import measure
 from planners.motion import Motion
 from planners.problem import Plan, Problem
 from planners.shaping import SHAPED, plan_shaped
 from planners.trajectory import Trajectory
+from planners.unshaped import plan_law
 
+LEFT, LEFT_RAD = 1e-5, 1e-8  # of the peak swing, and besides: what a boundary-value planner may leave on its own model
 Planner = Callable[[Problem], Trajectory]
 
 BOUNDARY_VALUE: dict[str, Planner] = {
@@ -29,6 +31,7 @@ BOUNDARY_VALUE: dict[str, Planner] = {
 PLANNERS: dict[str, Planner] = {
     **BOUNDARY_VALUE,
     **{name: partial(plan_shaped, name) for name in SHAPED},
+    "law": plan_law,
 }
 
 
@@ -43,10 +46,12 @@ def plan(name: str, problem: Problem, timer: Callable[[], float] | None = None) 
     begin = timer() if timer else 0.0
     trajectory = PLANNERS[name](problem)
     compute_s = timer() - begin if timer else None
-    return Plan(
-        planner=name,
-        problem=problem,
-        motion=Motion.along(problem.axis, trajectory),
-        metrics=measure(problem, trajectory),
-        compute_s=compute_s,
-    )
+    metrics = measure(problem, trajectory)
+    left, bound = metrics.residual_swing_rad, LEFT * metrics.peak_swing_rad + LEFT_RAD
+    if name in BOUNDARY_VALUE and not problem.nonlinear and not left <= bound:
+        raise NotConverged(
+            f"{name} leaves {left:.3g} rad of swing on its own model; must be <= {bound:.3g} rad: rounding spoils a load with "
+            "modes so alike or so stiff; take finite_differences, or change the load"
+        )
+    motion = Motion.along(problem.axis, trajectory)
+    return Plan(planner=name, problem=problem, motion=motion, metrics=metrics, compute_s=compute_s)

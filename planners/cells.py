@@ -24,7 +24,7 @@ TAIL = 1e-13  # a smooth cell is resolved when its last terms are below this sha
 SHORTEST = 2.0**-20  # of the duration; a smooth function needs no shorter cell
 ROUNDING = 4e-16
 BLOCK = 512  # pieces whose samples are swept together: a million through 10,000 pieces take 4 ms, without blocks 15
-BLOCK = 2_000_000  # numbers held at once
+HELD = 2_000_000  # numbers held at once
 
 
 class Cells(NamedTuple):
@@ -164,7 +164,7 @@ def exponential_integral(piece: Piece, order: int, rates_1_s: ComplexArray) -> C
     halves = np.repeat(cells.halves_s / parts, parts)[:, None]
     t = middles + halves * x  # (parts of cells, nodes)
     pushes, left = (halves * w * piece.at(t, order)).ravel(), piece.duration_s - t.ravel()
-    blocks = np.array_split(rates_1_s, math.ceil(left.size * rates_1_s.size / BLOCK))
+    blocks = np.array_split(rates_1_s, math.ceil(left.size * rates_1_s.size / HELD))
     return np.concatenate([pushes @ np.exp(np.outer(left, block)) for block in blocks])
 
 

@@ -21,6 +21,12 @@ class NotConverged(PlanError):
     """A numerical method stopped short of its tolerance, e.g. `shooting amplifies rounding 2e+53 times; must be <= 1e+08`."""
 
 
+def check_range(what: str, value: float, low: float, high: float, advice: str) -> None:
+    """Raises PlanError unless low <= value <= high; NaN is outside."""
+    if not low <= value <= high:
+        raise PlanError(f"{what} = {value}; must be {low:g} to {high:g}: {advice}")
+
+
 def unknown_name(what: str, name: str, known: Collection[str]) -> PlanError:
     """The error for a name that is in no table: the nearest one, and the whole list."""
     import difflib

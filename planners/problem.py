@@ -9,15 +9,20 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from planners.errors import PlanError, unknown_name
+from planners.errors import PlanError, check_range, unknown_name
 from planners.laws import LAWS
-from planners.models.model import INPUTS, LAG_S, Model
+from planners.models.model import INPUTS, LAG_S, LAGS_S, Model, cart_of
 from planners.motion import Motion
 from planners.pieces import FloatArray
 
 AXES = ("x", "y")  # a vertical move swings nothing
-LONGEST_PERIODS = 1000.0  # of the load; a replay of it takes about a second
+LONGEST_PERIODS = 1000.0  # of the fastest mode; a replay of it takes seconds
+SHORTEST_PERIODS = 0.01  # of the slowest mode; a load cannot be brought anywhere in less
+LONGEST_LAGS = 1e5  # of the jerk model's filter
+HEAVIEST = 1e12  # a weight
+FASTEST = 1e3  # rad, rad/s, m/s, m/s^2: a state at an end
 FARTHEST_M = 1000.0  # beyond it nothing is a laboratory
+HORIZONTAL_RAD = math.pi / 2  # a load that swings so high hangs on nothing, and linear plans mean nothing
 ROUNDING = 1e-9  # share of a limit that a peak may exceed it by
 
 
@@ -62,12 +67,7 @@ class Problem:
     def __post_init__(self) -> None:
         if not 0.0 < self.time_s < math.inf:
             raise PlanError(f"time_s = {self.time_s}; must be > 0 and finite: give the time the move may take")
-        periods = self.time_s * self.model.natural_frequency_rad_s / (2.0 * math.pi)
-        if periods > LONGEST_PERIODS:
-            raise PlanError(
-                f"time_s = {self.time_s} is {periods:.6g} periods of the load; must be <= {LONGEST_PERIODS:g}: "
-                "shorten the move, or check length_m"
-            )
+        self._check_periods()
         for name, value in (("start_m", self.start_m), ("distance_m", self.distance_m)):
             if not abs(value) <= FARTHEST_M:
                 raise PlanError(f"{name} = {value}; must be within +-{FARTHEST_M:g} m: give it in metres")
@@ -103,19 +103,33 @@ class Problem:
         for name, value in values.items():
             if name not in states[1:]:
                 raise unknown_name(f"name in {what}", name, states[1:])
-            if not math.isfinite(value):
-                raise PlanError(f"{name} = {value} in {what}; must be finite: leave it out for rest")
+            check_range(f"{name} in {what}", value, -FASTEST, FASTEST, "leave it out for rest")
         return np.array([position_m, *(values.get(name, 0.0) for name in states[1:])])
 
+    def _check_periods(self) -> None:
+        """A move is neither a jerk of the hand nor a day of swinging, in the time of any mode or of the filter."""
+        rates = np.abs(self.model.modes(cart_of(self.input)).rates_1_s) / (2.0 * math.pi)
+        slow, fast = self.time_s * float(rates.min()), self.time_s * float(rates.max())
+        if slow < SHORTEST_PERIODS:
+            raise PlanError(
+                f"time_s = {self.time_s} is {slow:.3g} periods of the load; must be >= {SHORTEST_PERIODS:g}: give it more time"
+            )
+        if fast > LONGEST_PERIODS:
+            raise PlanError(
+                f"time_s = {self.time_s} is {fast:.6g} periods of the load's fastest mode; must be <= {LONGEST_PERIODS:g}: "
+                "shorten the move, or check lengths, masses, stiffness and damping"
+            )
+        if self.input == "jerk" and self.time_s > LONGEST_LAGS * self.lag_s:
+            shortest = self.time_s / LONGEST_LAGS
+            raise PlanError(f"lag_s = {self.lag_s}; must be >= time_s / {LONGEST_LAGS:g} = {shortest:g}: take a slower filter")
+
     def _check_weights(self) -> None:
-        for name, value in (("lag_s", self.lag_s), ("input_weight", self.input_weight)):
-            if not 0.0 < value < math.inf:
-                raise PlanError(f"{name} = {value}; must be > 0 and finite: leave it out for the default")
+        check_range("lag_s", self.lag_s, *LAGS_S, "leave it out for the default")
+        check_range("input_weight", self.input_weight, 1.0 / HEAVIEST, HEAVIEST, "leave it out for the default")
         for name, value in self.state_weights.items():
             if name not in self.states:
                 raise unknown_name("name in state_weights", name, self.states)
-            if not 0.0 <= value < math.inf:
-                raise PlanError(f"{name} = {value} in state_weights; must be >= 0 and finite: leave it out for 0")
+            check_range(f"{name} in state_weights", value, 0.0, HEAVIEST, "leave it out for 0")
 
 
 class Status(enum.Enum):
@@ -157,11 +171,12 @@ class Plan:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Each limit the plan exceeds: value, bound and next step."""
+        """Each limit the plan exceeds, a swing to the horizontal among them: value, bound and next step."""
         limits, metrics = self.problem.limits, self.metrics
         checks = (
             ("peak speed", metrics.peak_speed_m_s, "m/s", limits.speed_m_s),
             ("peak acceleration", metrics.peak_acceleration_m_s2, "m/s^2", limits.acceleration_m_s2),
+            ("peak swing", metrics.peak_swing_rad, "rad", HORIZONTAL_RAD),
         )
         return tuple(
             f"{what} = {value:.6g} {unit}; limit {bound:g} {unit}: give the move more than time_s = {self.problem.time_s:g}"

@@ -16,6 +16,7 @@ from planners.problem import Problem
 from planners.shapers import SHAPERS, Shaper, convolve, joint
 from planners.trajectory import Trajectory
 
+MOST_IMPULSES = 600  # every copy of the law is a piece of every interval: this takes about a second
 SLIVER = 1e-12  # of the duration; breaks closer than this are one
 JOINT = {"zv_joint": 0, "zvd_joint": 1}  # derivatives of the swing by frequency that are 0 too
 SHAPED = (*SHAPERS, *JOINT)  # every name that plan_shaped knows
@@ -32,7 +33,7 @@ def plan_shaped(name: str, problem: Problem) -> Trajectory:
         raise unknown_name("shaper", name, SHAPED)
     _check(name, problem)
     rates = problem.model.swing_rates_1_s
-    shaper = joint(rates, JOINT[name]) if name in JOINT else convolve(*(SHAPERS[name](rate) for rate in rates))
+    shaper = joint(rates, JOINT[name]) if name in JOINT else _cascade(name, rates)
     length_s = float(shaper.times_s[-1])
     if problem.time_s <= length_s:
         raise Infeasible(
@@ -44,9 +45,20 @@ def plan_shaped(name: str, problem: Problem) -> Trajectory:
     if problem.input == "jerk" and not law.continuous(2):
         raise PlanError(
             f"law = {problem.law!r} with input jerk; its acceleration must be continuous, as a shaped move is as smooth as "
-            "its law: take a law without a step in the acceleration"
+            "its law: take cycloidal, quintic, modified_sine or another of class C2"
         )
     return shape(law, shaper).scaled(problem.distance_m).shifted(problem.start_m)
+
+
+def _cascade(name: str, rates_1_s: Sequence[complex]) -> Shaper:
+    each = [SHAPERS[name](rate) for rate in rates_1_s]
+    impulses = math.prod(len(shaper.times_s) for shaper in each)
+    if impulses > MOST_IMPULSES:
+        raise PlanError(
+            f"planner {name} on {len(each)} modes makes {impulses} impulses; must be <= {MOST_IMPULSES}: take zv_joint, "
+            "or convolution with robust parameters"
+        )
+    return convolve(*each)
 
 
 def _check(name: str, problem: Problem) -> None:

@@ -16,6 +16,7 @@ from planners.errors import PlanError
 from planners.pieces import FloatArray, Piece, add, polynomial
 
 MANY = 16  # plain polynomials: so many pieces are worth a table
+END = 1e-12  # share of the duration by which an instant may miss the end and still be it: sums of durations round
 JUMP = 1e-9  # a step below this share of the largest value is rounding
 
 
@@ -122,7 +123,9 @@ class Trajectory:
     def _at_sorted(self, t: FloatArray, order: int) -> FloatArray:
         first, last = self.pieces[0], self.pieces[-1]
         cuts = np.searchsorted(t, self.breaks_s)  # (pieces + 1,)
-        cuts[-1] = np.searchsorted(t, self.breaks_s[-1], side="right")
+        end = float(self.breaks_s[-1])
+        cuts[-1] = np.searchsorted(t, end * (1.0 + END), side="right")
+        t = np.where((t > end) & (t <= end * (1.0 + END)), end, t)
         values = np.zeros_like(t)
         if order == 0 and cuts[0] > 0:
             values[: cuts[0]] = first.at(np.zeros(()))

@@ -330,3 +330,96 @@ def test_the_convolution_refuses_state_weights():
 def test_closed_forms_refuse_the_nonlinear_load(name):
     with pytest.raises(PlanError, match=f"nonlinear = True for {name}; must be False: take collocation"):
         plan(name, problem_of(nonlinear=True))
+
+
+def sensitivity(model, trajectory, name, state, input="acceleration"):
+    """Change of the end's angles and rates for a relative change of a parameter, by differences."""
+    value, ends = model.parameters[name], []
+    for side in (1e-4, -1e-4):
+        other = model.with_parameter(name, value * (1 + side))
+        ends.append(swing_at_end(other, trajectory, state))
+    return np.abs(ends[0] - ends[1]).max() / 2e-4
+
+
+@pytest.mark.parametrize(
+    ("model", "parameter", "state"),
+    [
+        (METRE, "length", [0.1, 0.0]),
+        (METRE, "length", [0.0, 0.1]),
+        (METRE, "gravity", [0.05, -0.1]),
+        (BARS, "length_2", [0.05, 0.02, 0.0, 0.0]),
+        (BARS, "stiffness_1", [0.0, 0.0, 0.1, -0.1]),
+    ],
+)
+def test_a_robust_plan_forgives_a_wrong_parameter_from_a_swinging_start_too(model, parameter, state):
+    names = model.state_space().states[2 : 2 + 2 * model.links_count]
+    start = dict(zip(names, state, strict=True))
+    plain, robust = (
+        plan("convolution", problem_of(model, robust=r, time_s=2.5, start_state=start)).motion.x for r in ((), (parameter,))
+    )
+    state = np.array(state)
+    assert sensitivity(model, robust, parameter, state) < 1e-5
+    assert sensitivity(model, plain, parameter, state) > 1e-3
+
+
+def test_a_swinging_end_and_several_parameters_are_refused():
+    with pytest.raises(PlanError, match="with a swinging end; must be one parameter there"):
+        plan("convolution", problem_of(BARS, robust=("length_1", "length_2"), start_state={"angle_1_rad": 0.1}))
+
+
+def overdamped(joint_damping):
+    return ChainModel(links=(Link(0.5, 3.375),) * 2, stiffness_n_m_rad=(10.0,), joint_damping_n_m_s_rad=(joint_damping,))
+
+
+@pytest.mark.parametrize("name", CLOSED)
+@pytest.mark.parametrize("damping", [3.0, 5.0, 50.0])
+@pytest.mark.parametrize("input", ["acceleration", "force", "jerk"])
+def test_an_overdamped_joint_is_planned_for_as_well(name, damping, input):
+    made = plan(name, problem_of(overdamped(damping), input, time_s=2.0))
+    assert np.abs(swing_at_end(overdamped(damping), made.motion.x)).max() < 1e-8
+
+
+@pytest.mark.parametrize("name", CLOSED)
+def test_a_joint_near_critical_damping_is_planned_right_or_refused(name):
+    for damping in (2.0046984, 2.00469842159561, 2.0046984215956134, 2.0047):
+        try:
+            made = plan(name, problem_of(overdamped(damping), time_s=2.0))
+        except PlanError:
+            continue
+        assert np.abs(swing_at_end(overdamped(2.0047 if damping == 2.0047 else damping), made.motion.x)).max() < 1e-5
+
+
+@pytest.mark.parametrize("name", BOUNDARY_VALUE)
+def test_a_filter_that_decays_like_a_mode_is_refused_by_name(name):
+    model = overdamped(5.0)
+    rate = float(model.modes().rates_1_s[-1].real)
+    with pytest.raises(PlanError, match=r"lag_s = .* is the decay time of an overdamped mode; must differ by 1e-06"):
+        plan(name, problem_of(model, "jerk", time_s=2.0, lag_s=-1.0 / rate))
+
+
+def test_a_parameter_that_shifts_an_overdamped_mode_is_refused():
+    with pytest.raises(PlanError, match=r"shifts an overdamped mode .* must swing: damp the joints less"):
+        plan("convolution", problem_of(overdamped(5.0), robust=("joint_damping_1",), time_s=2.0))
+
+
+def test_damping_that_is_rounding_neither_grows_nor_stops_a_shaper():
+    model = ChainModel(links=(Link(0.5, 1.0),) * 2, damping_ratio=1e-17)
+    assert max(rate.real for rate in model.swing_rates_1_s) <= 0.0
+    assert plan("zvd", problem_of(model, time_s=4.0)).metrics.residual_swing_rad < 1e-12
+
+
+def test_a_cascade_of_thousands_of_impulses_is_refused():
+    with pytest.raises(PlanError, match="planner zvdd on 5 modes makes 1024 impulses; must be <= 600"):
+        plan("zvdd", problem_of(ChainModel(links=(Link(0.2, 1.0),) * 5), time_s=12.0))
+
+
+@pytest.mark.parametrize("name", CLOSED)
+def test_the_weight_of_the_input_alone_changes_nothing(name):
+    t = np.linspace(0, 1.5, 31)
+    light, heavy = (plan(name, problem_of(input_weight=w)).motion.x.at(t) for w in (1e-12, 1e12))
+    np.testing.assert_array_equal(light, heavy)
+
+
+def test_weights_too_steep_for_the_move_are_refused():
+    with pytest.raises(PlanError, match=r"state_weights over input_weight = 1 make a motion .* times faster than time_s"):
+        plan("matrix_exponential", problem_of(state_weights={"angle_rad": 1e12}))

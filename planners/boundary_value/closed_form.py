@@ -51,7 +51,8 @@ def spoilt(problem: Problem, planner: str, error_m: float) -> PlanError:
     """The error of a move that does not end where it should."""
     return PlanError(
         f"{planner} misses the end by {error_m:.3g} m in time_s = {problem.time_s}; must be within {END_ERROR:g} of "
-        f"distance_m = {problem.distance_m}: choose a time nearer to the load's period"
+        f"distance_m = {problem.distance_m}: rounding spoils a move so short for its load, or so stiff; change time_s, lag_s "
+        "or the load"
     )
 
 

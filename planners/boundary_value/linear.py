@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planners.errors import PlanError
-from planners.models.model import Cart, Model, Modes
+from planners.models.model import Cart, Model, Modes, cart_of
 from planners.pieces import ComplexArray, FloatArray
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ class System(NamedTuple):
 class LinearProblem:
     """min 1/2 int_0^T (x'Qx + r u^2) dt over x' = a x + b u from start to goal (source 004, section 2.1).
 
-    The platform's acceleration is a[1] x + b[1] u whatever the input is. Sensitivities are the last states and go from 0 to 0.
+    The platform's acceleration is a[1] x + b[1] u whatever the input is. Sensitivities are the last states.
     """
 
     system: System
@@ -112,22 +112,43 @@ def linear_problem(problem: Problem) -> LinearProblem:
     Raises PlanError for a mode out of the input's reach, or a parameter that moves no mode.
     """
     p = problem
-    system = _system(p.model, p.input, p.lag_s, p.robust)
+    try:
+        system = _system(p.model, p.input, p.lag_s, p.robust)
+    except np.linalg.LinAlgError:
+        raise PlanError(f"the modes of {p.model} cannot be told apart; they must differ: change a length or a mass") from None
     start, goal, n = p.start(), p.goal(), len(system.states)
-    more = np.zeros(n - len(start))
     q = np.zeros((n, n))
     for name, weight in p.state_weights.items():
         k = system.states.index(name)
         q[k, k] = weight
-    return LinearProblem(system, q, p.input_weight, np.append(start, more), np.append(goal, more), p.time_s)
+    weight = p.input_weight if q.any() else 1.0  # alone it weighs nothing against nothing
+    return LinearProblem(system, q, weight, _with_sensitivities(p, start), _with_sensitivities(p, goal), p.time_s)
+
+
+def _with_sensitivities(p: Problem, state: FloatArray) -> FloatArray:
+    """State of an end with that of the sensitivities: 0 at rest; where the load swings, what a shift of the parameter makes
+    of the mode's own coordinate, so that the angles do not change to first order."""
+    n = p.model.links_count
+    cart = cart_of(p.input)
+    swing, moved = state[2 : 2 + 2 * n], _moved_modes(p.model, cart, p.robust)
+    if not swing.any():
+        return np.append(state, np.zeros(2 * len(moved)))
+    if len(p.robust) > 1:
+        raise PlanError(f"robust = {p.robust} with a swinging end; must be one parameter there: leave the others out")
+    more = list[float]()
+    for k in moved:
+        high, low = _around(p.model, cart, p.robust[0])
+        z = complex((high.filters[k] - low.filters[k]) @ swing / (high.rates_1_s[k] - low.rates_1_s[k]))
+        more += [z.real, z.imag]
+    return np.append(state, more)
 
 
 @lru_cache(maxsize=256)
 def _system(model: Model, input: str, lag_s: float, robust: tuple[str, ...]) -> System:
     space = model.state_space(input, lag_s=lag_s)
-    cart: Cart = "free" if input == "force" else "driven"
+    cart = cart_of(input)
     modes = model.modes(cart)
-    _check_reach(modes)
+    _check_reach(modes, -1.0 / lag_s if input == "jerk" else None)
     moved = _moved_modes(model, cart, robust)
     n, added = len(space.states), 2 * len(moved)
     a, b = np.zeros((n + added, n + added)), np.append(space.b[:, 0], np.zeros(added))
@@ -190,15 +211,20 @@ def _sorted_out(rates: list[complex], powers: list[int], drivers: list[int], row
     return Spectrum(r, k, d, partners, rows, np.linalg.inv(rows).astype(np.complex128), a, b, pairs)
 
 
-def _check_reach(modes: Modes) -> None:
-    upper = modes.upper
-    rates = modes.rates_1_s[upper]
-    for k, gain in enumerate(modes.gains[upper].tolist()):
+def _check_reach(modes: Modes, filter_1_s: float | None) -> None:
+    kept = np.flatnonzero(modes.rates_1_s.imag >= 0.0)
+    rates = modes.rates_1_s[kept]
+    for k, gain in enumerate(modes.gains[kept].tolist()):
         near = np.flatnonzero(np.abs(rates - rates[k]) <= COINCIDING * abs(rates[k]))
         if len(near) > 1:
             raise PlanError(
                 f"modes {near[0] + 1} and {near[1] + 1} both have {abs(rates[k]) / (2 * np.pi):.6g} Hz; they must differ "
-                f"by {COINCIDING:g} of it, or one input cannot reach both: change a length or a stiffness"
+                f"by {COINCIDING:g} of it, or one input cannot reach both: change a length, a stiffness or a damping"
+            )
+        if filter_1_s is not None and abs(rates[k] - filter_1_s) <= COINCIDING * abs(filter_1_s):
+            raise PlanError(
+                f"lag_s = {-1.0 / filter_1_s:g} is the decay time of an overdamped mode; must differ by {COINCIDING:g} of it: "
+                "take another filter"
             )
         if gain < UNREACHABLE:
             raise PlanError(
@@ -209,13 +235,11 @@ def _check_reach(modes: Modes) -> None:
 
 def _moved_modes(model: Model, cart: Cart, robust: tuple[str, ...]) -> tuple[int, ...]:
     """Indices (upper half plane) of the modes whose rate any of the parameters shifts."""
-    upper = model.modes(cart).upper
-    moved: set[int] = set()
+    modes, moved = model.modes(cart), set[int]()
+    upper = np.flatnonzero(modes.rates_1_s.imag >= 0.0)
     for name in robust:
         value = model.parameters[name]
-        step = STEP * (abs(value) or 1.0)
-        around = [model.with_parameter(name, value + side) for side in (step, -step if value else 0.0)]
-        high, low = (other.modes(cart).rates_1_s[upper] for other in around)
+        high, low = (other.rates_1_s[upper] for other in _around(model, cart, name))
         shift = np.abs(high - low) / np.abs(high) / (2 * STEP)
         if not np.any(shift > MOVED):
             raise PlanError(
@@ -223,4 +247,23 @@ def _moved_modes(model: Model, cart: Cart, robust: tuple[str, ...]) -> tuple[int
                 f"{name} = {value:g} shifts none: leave it out"
             )
         moved |= set(upper[shift > MOVED].tolist())
+    for k in moved:
+        if modes.rates_1_s[k].imag == 0.0:
+            raise PlanError(
+                f"robust = {robust} shifts an overdamped mode (rate {modes.rates_1_s[k].real:.4g} 1/s); all it shifts "
+                "must swing: damp the joints less, or leave it out"
+            )
     return tuple(sorted(moved))
+
+
+def _around(model: Model, cart: Cart, name: str) -> tuple[Modes, Modes]:
+    """Modes a small step above and below a parameter's value; from the value itself where the model has an edge."""
+    value = model.parameters[name]
+    step = STEP * (abs(value) or 1.0)
+    out = []
+    for side in (step, -step):
+        try:
+            out.append(model.with_parameter(name, value + side).modes(cart))
+        except PlanError:
+            out.append(model.modes(cart))
+    return out[0], out[1]

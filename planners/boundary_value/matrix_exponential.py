@@ -18,7 +18,7 @@ from planners.trajectory import Trajectory
 TAYLOR = 1.0 / np.array([math.factorial(k) for k in range(20)]).reshape(5, 4)  # 1/20! = 4e-19: enough for norm <= 1
 DEGREE = 18  # of the polynomial pieces of a step of norm <= 1
 REFINEMENTS = 2
-MOST_CELLS = 4096  # polynomial pieces of a plan with state weights
+MOST_CELLS = 16384  # polynomial pieces of a plan with state weights
 
 
 def plan_matrix_exponential(problem: Problem) -> Trajectory:
@@ -66,6 +66,8 @@ def _doubled(linear: LinearProblem) -> list[_Reach]:
     """
     n, s = len(linear.start), linear.modal_hamiltonian
     size = float(np.abs(s).sum(axis=1).max()) * linear.time_s
+    if linear.q.any():  # every interval becomes a piece: the sharper norm is worth its price
+        size = float(np.linalg.norm(s, 2)) * linear.time_s
     if linear.q.any() and not size <= MOST_CELLS:
         raise PlanError(
             f"state_weights over input_weight = {linear.r:g} make a motion {size:.3g} times faster than "

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
 
-from planners.errors import PlanError, unknown_name
-from planners.models.model import Equations, Model
+from planners.errors import PlanError, check_range, unknown_name
+from planners.models.model import GRAVITIES_M_S2, JOINTS, LENGTHS_M, MASSES_KG, Equations, Model
 from planners.pieces import FloatArray
 
 KINDS = ("bar", "point")
@@ -26,9 +25,8 @@ class Link:
     kind: str = "bar"
 
     def __post_init__(self) -> None:
-        for name, value in (("length_m", self.length_m), ("mass_kg", self.mass_kg)):
-            if not 0.0 < value < math.inf:
-                raise PlanError(f"{name} = {value} of a link; must be > 0 and finite: measure it")
+        check_range("length_m of a link", self.length_m, *LENGTHS_M, "measure it")
+        check_range("mass_kg of a link", self.mass_kg, *MASSES_KG, "weigh it")
         if self.kind not in KINDS:
             raise unknown_name("kind of a link", self.kind, KINDS)
 
@@ -42,7 +40,7 @@ def parse_links(text: str) -> tuple[Link, ...]:
     """Links from "length:mass:kind,..." in m and kg, e.g. "0.5:3.375:bar,0.5:3.375:bar". Raises PlanError."""
     links = []
     for part in text.split(","):
-        words = part.strip().split(":")
+        words = [word.strip() for word in part.split(":")]
         try:
             if not 2 <= len(words) <= 3:
                 raise ValueError
@@ -82,15 +80,13 @@ class ChainModel(Model):
             object.__setattr__(self, name, tuple(values))
             if len(values) != n - 1:
                 raise PlanError(f"{name}: {len(values)} values; must be {n - 1}, one for each joint between {n} links")
-            if not all(0.0 <= value < math.inf for value in values):
-                raise PlanError(f"{name} = {values}; must be >= 0 and finite: use 0 for a free joint")
-        if not 0.0 <= self.tip_mass_kg < math.inf:
-            raise PlanError(f"tip_mass_kg = {self.tip_mass_kg}; must be >= 0 and finite: weigh it")
+            for value in values:
+                check_range(name, value, 0.0, JOINTS, "use 0 for a free joint")
+        check_range("tip_mass_kg", self.tip_mass_kg, 0.0, MASSES_KG[1], "weigh it")
         if not 0.0 <= self.damping_ratio < 1.0:
             raise PlanError(f"damping_ratio = {self.damping_ratio}; must be >= 0 and < 1: use 0 where it was not measured")
-        for name, value in (("gravity_m_s2", self.gravity_m_s2), ("cart_mass_kg", self.cart_mass_kg)):
-            if not 0.0 < value < math.inf:
-                raise PlanError(f"{name} = {value}; must be > 0 and finite: measure it")
+        check_range("gravity_m_s2", self.gravity_m_s2, *GRAVITIES_M_S2, "use 9.81")
+        check_range("cart_mass_kg", self.cart_mass_kg, *MASSES_KG, "weigh it")
 
     @property
     def links_count(self) -> int:

@@ -11,13 +11,21 @@ from typing import Literal, NamedTuple, Self, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from planners.errors import unknown_name
+from planners.errors import PlanError, check_range, unknown_name
 from planners.pieces import ComplexArray, FloatArray
 
 Cart: TypeAlias = Literal["driven", "free"]
 
 INPUTS = ("acceleration", "force", "jerk")
+LENGTHS_M, MASSES_KG, GRAVITIES_M_S2 = (1e-3, 1e4), (1e-6, 1e9), (1e-3, 1e3)  # what a laboratory may hold
+JOINTS = 1e9  # N m/rad, N m s/rad: stiffer is a weld
+LAGS_S = (1e-6, 1e3)
 LAG_S = 1.0 / (2.0 * math.pi * 10.0)  # of the jerk model's filter: 10 Hz, the value behind source 004's tables
+
+
+def cart_of(input: str) -> Cart:
+    """How the platform is held while that input acts: a force leaves it free."""
+    return "free" if input == "force" else "driven"
 
 
 class Equations(NamedTuple):
@@ -157,6 +165,7 @@ class Model(ABC):
         """
         if input not in INPUTS:
             raise unknown_name("input", input, INPUTS)
+        check_range("lag_s", lag_s, *LAGS_S, "leave it out for the default")
         space = _state_space(self, input, lag_s)
         return space if angles == "absolute" else _relative(space, self.links_count)
 
@@ -170,7 +179,13 @@ def _modes(model: Model, cart: Cart, damped: bool) -> Modes:
         rates, shapes = (part.astype(np.complex128) for part in np.linalg.eig(a))
     order = _paired(rates)
     rates, shapes = rates[order], shapes[:, order]
-    filters = np.linalg.inv(shapes)
+    rates = np.minimum(rates.real, 0.0) + 1j * rates.imag  # what hangs does not grow; rounding may say so
+    try:
+        filters = np.linalg.inv(shapes)
+    except np.linalg.LinAlgError:
+        raise PlanError(
+            f"two modes of {model} are one to rounding; must differ: change a length, a mass or a damping"
+        ) from None
     reach = filters @ b
     gains = np.abs(reach) / (np.linalg.norm(filters, axis=1) * np.linalg.norm(b))
     safe = np.where(gains > 0.0, reach, 1.0)
@@ -202,7 +217,7 @@ def _state_space(model: Model, input: str, lag_s: float) -> StateSpace:
     swing = slice(2, 2 + 2 * n)
     a, b = np.zeros((size, size)), np.zeros((size, 1))
     a[0, 1] = 1.0
-    a[swing, swing], push = equations.swing("free" if input == "force" else "driven")
+    a[swing, swing], push = equations.swing(cart_of(input))
     if input == "force":
         whole = equations.cart_mass_kg + equations.load_mass_kg
         b[swing, 0] = push / whole

@@ -9,8 +9,8 @@ from typing import Self
 
 import numpy as np
 
-from planners.errors import PlanError, unknown_name
-from planners.models.model import Equations, Model
+from planners.errors import PlanError, check_range, unknown_name
+from planners.models.model import GRAVITIES_M_S2, LENGTHS_M, MASSES_KG, Equations, Model
 
 FIELDS = {
     "length": "length_m",
@@ -26,7 +26,7 @@ class PendulumModel(Model):
     """Cable of length_m with viscous damping; angle 0 = hanging, positive = load ahead in +X.
 
     The masses matter when a force moves the platform; theirs are the source's (004, section 3.1).
-    Raises PlanError unless lengths, masses and gravity are > 0 and 0 <= damping_ratio < 1, all finite.
+    Raises PlanError unless length, masses and gravity are a laboratory's and 0 <= damping_ratio < 1.
     """
 
     length_m: float
@@ -36,15 +36,12 @@ class PendulumModel(Model):
     cart_mass_kg: float = 32.0
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.length_m < math.inf:
-            raise PlanError(f"length_m = {self.length_m}; must be > 0 and finite: measure pivot to load")
+        check_range("length_m", self.length_m, *LENGTHS_M, "measure pivot to load")
         if not 0.0 <= self.damping_ratio < 1.0:
             raise PlanError(f"damping_ratio = {self.damping_ratio}; must be >= 0 and < 1: use 0 where it was not measured")
-        if not 0.0 < self.gravity_m_s2 < math.inf:
-            raise PlanError(f"gravity_m_s2 = {self.gravity_m_s2}; must be > 0 and finite: use 9.81")
-        for name, value in (("mass_kg", self.mass_kg), ("cart_mass_kg", self.cart_mass_kg)):
-            if not 0.0 < value < math.inf:
-                raise PlanError(f"{name} = {value}; must be > 0 and finite: weigh it")
+        check_range("gravity_m_s2", self.gravity_m_s2, *GRAVITIES_M_S2, "use 9.81")
+        check_range("mass_kg", self.mass_kg, *MASSES_KG, "weigh it")
+        check_range("cart_mass_kg", self.cart_mass_kg, *MASSES_KG, "weigh it")
 
     @property
     def equations(self) -> Equations:
