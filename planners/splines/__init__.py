@@ -1,0 +1,25 @@
+"""Motions through several points of one axis: one table of the splines that need nothing but times and points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+from numpy.typing import ArrayLike
+
+from planners.splines.b_spline import b_spline
+from planners.splines.cubic import clamped, natural, periodic
+from planners.splines.four_three_four import four_three_four
+from planners.splines.n_point import n_point
+from planners.trajectory import Trajectory
+
+# spline(times_s (N,), points_m (N,)) -> Trajectory from the first point on; at rest at both ends, but for the last three
+SPLINES: dict[str, Callable[[ArrayLike, ArrayLike], Trajectory]] = {
+    "cubic": clamped,
+    "four_three_four": four_three_four,
+    "b_spline_4": partial(b_spline, degree=4),
+    "b_spline_5": partial(b_spline, degree=5),
+    "natural": natural,
+    "periodic": periodic,
+    "n_point": n_point,
+}

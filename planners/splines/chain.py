@@ -1,0 +1,122 @@
+"""Splines, constant speeds and dwells one after the other, with joints that fit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TypeAlias
+
+import numpy as np
+
+from planners.cells import Polynomials
+from planners.errors import PlanError, unknown_name
+from planners.pieces import FloatArray
+from planners.splines.b_spline import b_spline
+from planners.splines.four_three_four import four_three_four
+from planners.splines.points import REST, End, via_points
+from planners.trajectory import JUMP, Trajectory
+
+Through: TypeAlias = Callable[[FloatArray, FloatArray, End, End], Trajectory]
+
+THROUGH: dict[str, Through] = {
+    "four_three_four": four_three_four,
+    "b_spline_4": lambda t, q, start, end: b_spline(t, q, 4, start, end),
+    "b_spline_5": lambda t, q, start, end: b_spline(t, q, 5, start, end),
+}
+
+
+@dataclass(frozen=True)
+class Straight:
+    """Constant speed between two points; a dwell where they are one. PlanError unless duration_s > 0."""
+
+    from_m: float
+    to_m: float
+    duration_s: float
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite([self.from_m, self.to_m]).all() and 0.0 < self.duration_s < np.inf):
+            raise PlanError(f"{self}; points must be finite and duration_s finite and > 0: give the segment time, or drop it")
+
+    @property
+    def end(self) -> End:
+        """Speed and acceleration along it."""
+        return End((self.to_m - self.from_m) / self.duration_s, 0.0)
+
+    @property
+    def points_m(self) -> tuple[float, float]:
+        """Where it begins and ends."""
+        return self.from_m, self.to_m
+
+
+@dataclass(frozen=True)
+class Spline:
+    """Through points with these durations between them.
+
+    end is what it leaves behind when another spline follows (or nothing); beside a Straight, its neighbour decides.
+    """
+
+    points_m: Sequence[float]
+    durations_s: Sequence[float] | FloatArray
+    end: End = REST
+    law: str = "four_three_four"
+
+
+Segment: TypeAlias = Straight | Spline
+
+
+def dwell(at_m: float, duration_s: float) -> Straight:
+    """Standing still."""
+    return Straight(at_m, at_m, duration_s)
+
+
+def chain(segments: Sequence[Segment], start: End = REST) -> Trajectory:
+    """The segments end to end (rules of source 003): a spline meets the speed of a straight neighbour without acceleration,
+    and begins with what the spline before it left; start is for a first spline.
+
+    Speed and acceleration have no step at a joint, the durations are taken as they are. A motion that begins or ends with a
+    constant speed is not at rest there; Trajectory.continuous(1) tells. Raises PlanError for a step of position or speed
+    between segments, naming them, and for what a spline refuses.
+    """
+    if not segments:
+        raise PlanError("a chain of 0 segments; must be >= 1: use Trajectory.hold for standing still")
+    for k, (one, other) in enumerate(pairwise(segments)):
+        _check_joint(k, one, other)
+    parts = []
+    for k, segment in enumerate(segments):
+        if isinstance(segment, Straight):
+            line = np.array([[segment.from_m, segment.end.speed_m_s]])
+            parts.append(Trajectory(Polynomials(np.array([segment.duration_s]), line)))
+            continue
+        after = segments[k + 1] if k + 1 < len(segments) else segment
+        begin = segments[k - 1].end if k else start
+        parts.append(_through(k, segment, begin, after.end if isinstance(after, Straight) else segment.end))
+    return Trajectory(tuple(piece for part in parts for piece in part.pieces))
+
+
+def _through(k: int, segment: Spline, start: End, end: End) -> Trajectory:
+    if segment.law not in THROUGH:
+        raise unknown_name(f"law of segment {k}", segment.law, THROUGH)
+    durations = np.asarray(segment.durations_s, dtype=np.float64)
+    points = np.asarray(segment.points_m, dtype=np.float64)
+    if durations.size != points.size - 1:
+        raise PlanError(
+            f"segment {k} has {points.size} points and {durations.size} durations; must be {points.size - 1}: one an interval"
+        )
+    for i in np.flatnonzero(~((durations > 0.0) & (durations < np.inf))).tolist():
+        raise PlanError(f"durations_s[{i}] = {durations[i]} in segment {k}; must be finite and > 0: give the interval time")
+    via = via_points(f"segment {k}", np.concatenate([[0.0], np.cumsum(durations)]), points, 2)
+    return THROUGH[segment.law](via.times_s, via.points_m, start, end)
+
+
+def _check_joint(k: int, one: Segment, other: Segment) -> None:
+    here, there = one.points_m[-1], other.points_m[0]
+    if abs(here - there) > JUMP * max(1.0, abs(here)):
+        raise PlanError(f"segment {k} ends at {here} m, segment {k + 1} begins at {there} m; must meet: mend one of the points")
+    if isinstance(one, Straight) and isinstance(other, Straight):
+        before, after = one.end.speed_m_s, other.end.speed_m_s
+        if abs(after - before) > JUMP * max(abs(before), abs(after)):
+            raise PlanError(
+                f"speed steps from {before:.6g} m/s in segment {k} to {after:.6g} m/s in segment {k + 1}; must be equal: "
+                "put a spline between them"
+            )

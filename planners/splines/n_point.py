@@ -1,0 +1,56 @@
+"""The polynomial through n points, and why it must not be computed from powers of time."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from planners.errors import PlanError
+from planners.pieces import FloatArray, Smooth
+from planners.splines.points import via_points
+from planners.trajectory import Trajectory
+
+FEWEST = 2
+HIGHEST_ORDER = 6  # derivatives that are declared, though those of a short polynomial are 0
+
+
+class Conditioning(NamedTuple):
+    """How many times the matrix of n equidistant points amplifies rounding (2-norm condition number)."""
+
+    points: int
+    powers: float  # Vandermonde matrix on 0..1
+    centred: float  # Vandermonde matrix on -1..1
+    chebyshev: float  # Chebyshev polynomials on -1..1: what n_point uses
+
+
+def n_point(times_s: ArrayLike, points_m: ArrayLike) -> Trajectory:
+    """The polynomial of degree N - 1 through points (N,) at times (N,), in Chebyshev polynomials of centred, scaled time.
+
+    It meets the points to rounding; between many equidistant points it swings out, which no arithmetic can mend.
+    Raises PlanError for bad points.
+    """
+    from numpy.polynomial import chebyshev
+
+    via = via_points("n-point polynomial", times_s, points_m, FEWEST)
+    duration = float(via.times_s[-1] - via.times_s[0])
+    x = 2.0 * (via.times_s - via.times_s[0]) / duration - 1.0
+    series = np.linalg.solve(chebyshev.chebvander(x, x.size - 1), via.points_m)
+    slopes = [chebyshev.chebder(series, order) * (2.0 / duration) ** order for order in range(max(HIGHEST_ORDER, x.size) + 1)]
+
+    def value(t: FloatArray, order: int) -> FloatArray:
+        return np.asarray(chebyshev.chebval(2.0 * t / duration - 1.0, slopes[order]), dtype=np.float64)
+
+    return Trajectory((Smooth(duration, value, len(slopes) - 1),))
+
+
+def conditioning(points: int) -> Conditioning:
+    """The row of n equidistant points (source 000, Vandermonde table: the column of powers). PlanError below 2."""
+    if points < FEWEST:
+        raise PlanError(f"points = {points} of a polynomial; must be >= {FEWEST}: ask for more")
+    from numpy.polynomial import chebyshev
+
+    x = np.linspace(-1.0, 1.0, points)
+    matrices = np.vander((x + 1.0) / 2.0), np.vander(x), chebyshev.chebvander(x, points - 1)
+    return Conditioning(points, *(float(np.linalg.cond(m)) for m in matrices))

@@ -1,0 +1,64 @@
+"""Via points: where an axis must be, and when."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from planners.errors import PlanError
+from planners.pieces import FloatArray
+
+SHORTEST = 1e-9  # of the whole time: a shorter interval is a slip of the table
+
+
+class ViaPoints(NamedTuple):
+    """Positions at strictly increasing times."""
+
+    times_s: FloatArray  # (N,)
+    points_m: FloatArray  # (N,)
+
+    @property
+    def durations_s(self) -> FloatArray:
+        """Length of every interval: (N - 1,)."""
+        return np.diff(self.times_s)
+
+    @property
+    def slopes_m_s(self) -> FloatArray:
+        """Speed of the straight line over every interval: (N - 1,)."""
+        return np.diff(self.points_m) / self.durations_s
+
+
+class End(NamedTuple):
+    """What a spline must meet at an end; rest unless said otherwise."""
+
+    speed_m_s: float = 0.0
+    acceleration_m_s2: float = 0.0
+
+
+REST = End()
+
+
+def via_points(law: str, times_s: ArrayLike, points_m: ArrayLike, fewest: int, ends: tuple[End, ...] = ()) -> ViaPoints:
+    """The points of a law, checked: finite numbers, times strictly increasing, none too close, at least `fewest` of them.
+
+    Raises PlanError naming the law, the value and the bound.
+    """
+    t, q = np.asarray(times_s, dtype=np.float64), np.asarray(points_m, dtype=np.float64)
+    if t.ndim != 1 or t.shape != q.shape:
+        raise PlanError(f"{law}: times_s has shape {t.shape}, points_m {q.shape}; must both be (N,): give a time a point")
+    if t.size < fewest:
+        raise PlanError(f"{law}: {t.size} points; must be >= {fewest}: add points, or take a two-point law")
+    if not np.isfinite([t, q]).all() or not np.isfinite(np.array(ends)).all():
+        raise PlanError(f"{law}: a time, a point or an end condition is not finite; all must be numbers: mend the table")
+    for k in np.flatnonzero(np.diff(t) <= 0.0).tolist():
+        what = "repeats" if t[k + 1] == t[k] else "goes back"
+        raise PlanError(f"{law}: times_s[{k + 1}] = {t[k + 1]:.12g} {what} after {t[k]:.12g}; must increase: mend the table")
+    total = float(t[-1] - t[0])
+    for k in np.flatnonzero(np.diff(t) < SHORTEST * total).tolist():
+        raise PlanError(
+            f"{law}: the interval after times_s[{k}] lasts {t[k + 1] - t[k]:.3g} s of {total:.6g} s; "
+            f"must be >= {SHORTEST:g} of it: drop one of the points"
+        )
+    return ViaPoints(t, q)
