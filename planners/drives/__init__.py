@@ -1,0 +1,1 @@
+"""What moves the axis: whether a motor can do a motion."""

@@ -1,0 +1,223 @@
+"""Can this motor do this motion: torque through a gear, speed, heat, and what is left of each limit.
+
+tau = J q'' + B q' at the motor's shaft, J = J_motor + J_load / ratio^2, B likewise (source 000, use of the actuator).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from functools import reduce
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from planners.driven import Term
+from planners.errors import PlanError
+from planners.pieces import FloatArray, Mode, Piece, Smooth, add
+from planners.spectrum import speed_steps
+from planners.trajectory import JUMP, Peak, Trajectory
+
+TOLERANCE = 1e-9  # of a limit; a motion that meets it exactly keeps it
+
+
+@dataclass(frozen=True, kw_only=True)
+class Motor:
+    """The catalogue's data, which are the two regions of the torque-speed plane, alike for all four signs.
+
+    Intermittent: |torque| <= peak, |speed| <= max, |torque x speed| <= peak power; continuous: the same below the continuous
+    torque. Raises PlanError for a limit that is not > 0, or a continuous torque above the peak.
+    """
+
+    continuous_torque_n_m: float
+    peak_torque_n_m: float
+    max_speed_rad_s: float
+    peak_power_w: float = math.inf
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not value > 0.0:
+                raise PlanError(f"{field.name} = {value} of a motor; must be > 0: read the catalogue")
+        if self.continuous_torque_n_m > self.peak_torque_n_m:
+            raise PlanError(
+                f"continuous_torque_n_m = {self.continuous_torque_n_m}; must be <= peak_torque_n_m = {self.peak_torque_n_m}: "
+                "were they exchanged?"
+            )
+
+    def outline(self, torque_n_m: float, points: int = 101) -> tuple[FloatArray, FloatArray]:
+        """Edge of the region below a torque, for speeds from 0 to the largest: speed [rad/s] and torque [N m], (points,) each.
+
+        Give continuous_torque_n_m or peak_torque_n_m. Mirror it for the other signs.
+        """
+        speed = np.linspace(0.0, self.max_speed_rad_s, points)
+        by_power = np.divide(self.peak_power_w, speed, out=np.full(points, math.inf), where=speed > 0.0)
+        return speed, np.minimum(torque_n_m, by_power)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drivetrain:
+    """Motor, gear and load. The trajectory is the load's: in rad, or in m rolled off a radius [m/rad] (a screw: lead / 2 pi).
+
+    Raises PlanError for negative inertia or friction, no inertia at all, or a ratio or radius that is not finite and > 0.
+    """
+
+    motor_inertia_kg_m2: float
+    load_inertia_kg_m2: float = 0.0  # about the output shaft; a mass m on a radius r is m r^2
+    motor_friction_n_m_s_rad: float = 0.0
+    load_friction_n_m_s_rad: float = 0.0
+    gear_ratio: float = 1.0  # turns of the motor per turn of the output shaft
+    radius_m: float = 1.0  # 1 for a trajectory in rad
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value, positive = getattr(self, field.name), field.name in ("gear_ratio", "radius_m")
+            if not 0.0 <= value < math.inf or (positive and value == 0.0):
+                raise PlanError(
+                    f"{field.name} = {value} of a drivetrain; must be finite and {'>' if positive else '>='} 0: measure it"
+                )
+        if not self.inertia_kg_m2 > 0.0:
+            raise PlanError("inertia_kg_m2 = 0 of a drivetrain; must be > 0: the motor's rotor has some")
+
+    @property
+    def inertia_kg_m2(self) -> float:
+        """J_motor + J_load / ratio^2, felt at the motor's shaft."""
+        return self.motor_inertia_kg_m2 + self.load_inertia_kg_m2 / self.gear_ratio**2
+
+    @property
+    def friction_n_m_s_rad(self) -> float:
+        """B_motor + B_load / ratio^2, felt at the motor's shaft."""
+        return self.motor_friction_n_m_s_rad + self.load_friction_n_m_s_rad / self.gear_ratio**2
+
+    def shaft(self, trajectory: Trajectory) -> Trajectory:
+        """Angle of the motor's shaft [rad]. Raises PlanError for a step in speed within the motion: no torque makes it."""
+        _refuse_speed_steps(trajectory)
+        return trajectory.scaled(self.gear_ratio / self.radius_m)
+
+
+class Effort(NamedTuple):
+    """What a motion asks of the motor's shaft; values are exact, and torque is rms over the motion alone."""
+
+    peak_torque_n_m: Peak
+    rms_torque_n_m: float
+    peak_speed_rad_s: Peak
+    peak_power_w: Peak
+    duration_s: float
+
+
+class Verdict(NamedTuple):
+    """Shares of the limits that a motion leaves: 0.1 is a tenth to spare, below 0 is too much."""
+
+    effort: Effort
+    cycle_torque_n_m: float  # rms over motion and rest
+    least_rest_s: float  # with which the continuous torque is kept
+    torque_margin: float
+    thermal_margin: float
+    speed_margin: float
+    power_margin: float
+
+    @property
+    def margins(self) -> dict[str, float]:
+        """By name of the limit."""
+        return {
+            "torque": self.torque_margin,
+            "thermal": self.thermal_margin,
+            "speed": self.speed_margin,
+            "power": self.power_margin,
+        }
+
+    @property
+    def feasible(self) -> bool:
+        """Whether every limit is kept, met exactly or not."""
+        return min(self.margins.values()) >= -TOLERANCE
+
+    @property
+    def tightest(self) -> str:
+        """The limit with the least margin."""
+        return min(self.margins, key=self.margins.__getitem__)
+
+
+def check(motor: Motor, drivetrain: Drivetrain, trajectory: Trajectory, rest_s: float = 0.0) -> Verdict:
+    """Whether the motor can repeat the motion with rest_s of standstill after each: peaks for the intermittent region, rms
+    torque over motion and rest for the continuous one (source 000, its tau_eff <= tau_c and q'_max <= v_n).
+
+    Raises PlanError for a rest that is not finite and >= 0, and for a step in speed.
+    """
+    if not 0.0 <= rest_s < math.inf:
+        raise PlanError(f"rest_s = {rest_s}; must be finite and >= 0: 0 is a motion that begins anew at once")
+    need = effort(drivetrain, trajectory)
+    heat = need.rms_torque_n_m**2 * need.duration_s  # integral of torque^2
+    cycle = math.sqrt(heat / (need.duration_s + rest_s))
+    return Verdict(
+        need,
+        cycle,
+        least_rest_s=max(0.0, heat / motor.continuous_torque_n_m**2 - need.duration_s),
+        torque_margin=1.0 - need.peak_torque_n_m.value / motor.peak_torque_n_m,
+        thermal_margin=1.0 - cycle / motor.continuous_torque_n_m,
+        speed_margin=1.0 - need.peak_speed_rad_s.value / motor.max_speed_rad_s,
+        power_margin=1.0 - need.peak_power_w.value / motor.peak_power_w,
+    )
+
+
+def effort(drivetrain: Drivetrain, trajectory: Trajectory) -> Effort:
+    """Peaks and rms at the motor's shaft. Torque^2 itself is integrated, so a motion between two speeds is right, too."""
+    shaft = drivetrain.shaft(trajectory)
+    torque = _torque(drivetrain, shaft)
+    power = Trajectory(tuple(_product(t, _rate(q, 1)) for t, q in zip(torque.pieces, shaft.pieces, strict=True)))
+    return Effort(torque.peak(), torque.rms(), shaft.peak(1), power.peak(), shaft.duration_s)
+
+
+def torque(drivetrain: Drivetrain, trajectory: Trajectory) -> Trajectory:
+    """Torque at the motor's shaft over time: pieces like those of a position, with values in N m."""
+    return _torque(drivetrain, drivetrain.shaft(trajectory))
+
+
+def operating_points(
+    drivetrain: Drivetrain, trajectory: Trajectory, points_per_piece: int = 200
+) -> tuple[FloatArray, FloatArray]:
+    """The motion's curve in the torque-speed plane: speed [rad/s] and torque [N m], (pieces x points,) each.
+
+    Every piece is sampled from its own start to its own end, so that a step of torque is drawn as one.
+    """
+    shaft = drivetrain.shaft(trajectory)
+    speeds, torques = [], []
+    for q, t in zip(shaft.pieces, _torque(drivetrain, shaft).pieces, strict=True):
+        times = np.linspace(0.0, q.duration_s, points_per_piece)
+        speeds.append(q.at(times, 1))
+        torques.append(t.at(times))
+    return np.concatenate(speeds), np.concatenate(torques)
+
+
+def _torque(drivetrain: Drivetrain, shaft: Trajectory) -> Trajectory:
+    inertia, friction = drivetrain.inertia_kg_m2, drivetrain.friction_n_m_s_rad
+    return Trajectory(tuple(add(_rate(q, 2).scaled(inertia), _rate(q, 1).scaled(friction)) for q in shaft.pieces))
+
+
+def _rate(piece: Piece, order: int) -> Piece:
+    if isinstance(piece, Smooth):
+        return Smooth(piece.duration_s, lambda t, k: piece.at(t, k + order), piece.highest_order - order)
+    for _ in range(order):
+        piece = piece.derivative()
+    return piece
+
+
+def _product(a: Piece, b: Piece) -> Piece:
+    """a(t) b(t): of two waves the wave of the sum and that of the difference, half each."""
+    if isinstance(a, Smooth) or isinstance(b, Smooth):
+        return Smooth(a.duration_s, lambda t, _: a.at(t) * b.at(t), 0)
+    parts: list[Piece] = []
+    for (r, p), (s, q) in product((Mode(0j, a.coefficients), *a.modes), (Mode(0j, b.coefficients), *b.modes)):
+        for rate, other in ((s, np.array(q)), (s.conjugate(), np.conj(q))):
+            wave = Term(r + rate, tuple(np.convolve(p, other).tolist()))
+            parts.append(wave.real(0.5, a.duration_s))
+    return reduce(add, parts)
+
+
+def _refuse_speed_steps(trajectory: Trajectory) -> None:
+    steps = np.abs(speed_steps(trajectory)[1:-1])
+    if steps.size and steps.max() > JUMP * trajectory.peak(1).value:
+        k = int(steps.argmax())
+        raise PlanError(
+            f"speed steps by {steps[k]:.6g} at {trajectory.breaks_s[k + 1]:.6g} s; must be 0 for a motor: blend the segments"
+        )

@@ -1,0 +1,85 @@
+"""Acceleration spectra of the laws that have a closed form, written so that no frequency is singular.
+
+All are V'(Omega) of a move of 1 m in 1 s, with Omega = periods that fit into the duration; a move of h metres in T seconds
+has h/T times as much. Each tends to 2 Omega as Omega goes to 0. Source 000, spectrum of acceleration; its forms for the
+degrees 3 and 5 have lost the phase inside the sine, and degree 5 has a 4 for a 3 under the root.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from planners.errors import PlanError, unknown_name
+from planners.laws import LAWS
+from planners.laws.fourier import FREUDENSTEIN_1_3, FREUDENSTEIN_1_3_5, GUTMAN_1_3
+from planners.pieces import FloatArray
+from planners.spectrum import spectrum_by_cycles
+
+
+def polynomial_spectrum(n: int, cycles: ArrayLike) -> FloatArray:
+    """Polynomial of degree 2 n + 1: (2 / pi) (2n+1)!! |j_n(pi Omega)| / (pi Omega)^(n-1), j_n the spherical Bessel function."""
+    from scipy.special import spherical_jn
+
+    x = math.pi * np.abs(np.asarray(cycles, dtype=np.float64))
+    odd = math.prod(range(1, 2 * n + 2, 2))
+    safe = np.where(x > 0.0, x, 1.0)
+    return np.asarray(np.where(x > 0.0, 2.0 / math.pi * odd * np.abs(spherical_jn(n, safe)) / safe ** (n - 1), 0.0))
+
+
+def harmonic_spectrum(cycles: ArrayLike) -> FloatArray:
+    """2 Omega |cos(pi Omega) / (1 - 4 Omega^2)|."""
+    x = np.abs(np.asarray(cycles, dtype=np.float64))
+    return np.asarray(math.pi / 2.0 * x * np.abs(np.sinc(x - 0.5) + np.sinc(x + 0.5)))
+
+
+def fourier_spectrum(shares: Mapping[int, float], cycles: ArrayLike) -> FloatArray:
+    """(2 / pi) |sin(pi Omega) sum c_n n^2 / (n^2 - Omega^2)| for x - sum c_n sin(2 pi n x) / (2 pi n), n -> c_n with sum 1."""
+    x = np.abs(np.asarray(cycles, dtype=np.float64))
+    waves = (c * n * (-1) ** n * (np.sinc(x + n) - np.sinc(x - n)) for n, c in shares.items())
+    return np.asarray(np.abs(sum(waves, np.zeros_like(x))))
+
+
+def rect_spectrum(shares: Sequence[float], cycles: ArrayLike) -> FloatArray:
+    """2 Omega prod |sinc(share Omega)|: speed is a chain of averages over these shares of the duration, which sum to 1.
+
+    Trapezoidal (1 - alpha, alpha), double S (1 - alpha, alpha (1 - beta), alpha beta), four shares for 15 segments.
+    Raises PlanError when the shares do not sum to 1.
+    """
+    if not math.isclose(sum(shares), 1.0, rel_tol=1e-12):
+        raise PlanError(f"shares {tuple(shares)} sum to {sum(shares)}; must sum to 1: divide each time by the duration")
+    x = np.abs(np.asarray(cycles, dtype=np.float64))
+    return np.asarray(2.0 * x * np.abs(np.prod([np.sinc(share * x) for share in shares], axis=0)))
+
+
+SPECTRA: dict[str, Callable[[ArrayLike], FloatArray]] = {
+    "harmonic": harmonic_spectrum,
+    "cycloidal": partial(fourier_spectrum, {1: 1.0}),
+    "cubic": partial(polynomial_spectrum, 1),
+    "quintic": partial(polynomial_spectrum, 2),
+    "septic": partial(polynomial_spectrum, 3),
+    "gutman_1_3": partial(fourier_spectrum, GUTMAN_1_3),
+    "freudenstein_1_3": partial(fourier_spectrum, FREUDENSTEIN_1_3),
+    "freudenstein_1_3_5": partial(fourier_spectrum, FREUDENSTEIN_1_3_5),
+    "triangular": partial(rect_spectrum, (1 / 2, 1 / 2)),
+    "trapezoidal": partial(rect_spectrum, (2 / 3, 1 / 3)),
+    "double_s": partial(rect_spectrum, (2 / 3, 1 / 6, 1 / 6)),
+    "fifteen_segments": partial(rect_spectrum, (2 / 3, 1 / 6, 1 / 12, 1 / 12)),
+}
+
+
+def law_spectrum(name: str, cycles: ArrayLike, *, distance_m: float = 1.0, duration_s: float = 1.0) -> FloatArray:
+    """V'(Omega) [m/s] of a law by name, any shape: its closed form, or the transform of its trajectory where it has none.
+
+    Raises PlanError for an unknown law or a duration that is not finite and > 0.
+    """
+    if name not in LAWS:
+        raise unknown_name("law", name, LAWS)
+    if not 0.0 < duration_s < math.inf:
+        raise PlanError(f"duration_s = {duration_s} of a law; must be finite and > 0: give it more time")
+    unit = SPECTRA[name](cycles) if name in SPECTRA else spectrum_by_cycles(LAWS[name](1.0), cycles)
+    return np.asarray(abs(distance_m) / duration_s * unit)
