@@ -44,12 +44,15 @@ class ExperimentSection(Section, frozen=True, kw_only=True):
 
 
 class MoveSection(Section, frozen=True, kw_only=True):
-    """`[move]`: rest to rest along one axis; or, for a calibration, from point to point."""
+    """`[move]`: rest to rest along one axis, or through the points of a file along three."""
 
     axis: Literal["x"] = "x"
     start_m: Place = 0.0
     distance_m: Place = 0.2
-    time_s: Annotated[float, Meta(gt=0, le=600)] = 1.5
+    time_s: Annotated[float, Meta(gt=0, le=600)] = 1.5  # with waypoints: of all, unless the file has t_s
+    waypoints: str = ""  # CSV file with x_m and if wanted t_s, y_m, z_m; a relative path starts at the experiment file
+    spline: str = "b_spline_5"  # through the waypoints
+    allocation: Literal["root", "proportional", "equal"] = "root"  # of the time between waypoints without t_s
 
 
 class ModelSection(Section, frozen=True, kw_only=True):
@@ -190,7 +193,12 @@ def load(name_or_path: str, overrides: list[str]) -> Experiment:
     for text in overrides:
         _override(tables, text)
     _check_links(tables.get("links"))
-    return convert(tables, Experiment)
+    experiment = convert(tables, Experiment)
+    beside = Path(name_or_path).parent / experiment.move.waypoints
+    if not (experiment.move.waypoints and beside.is_file()):
+        return experiment
+    move = msgspec.structs.replace(experiment.move, waypoints=str(beside.resolve()))
+    return msgspec.structs.replace(experiment, move=move)
 
 
 def convert(data: Any, kind: type[T], section: str = "") -> T:

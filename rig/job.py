@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -25,6 +26,7 @@ from rig.plan_record import PlanRecord
 from rig.runtime import bench
 from rig.safety import Envelope, Gate
 from rig.streamer import PERIOD_NS, StreamerSettings
+from rig.waypoints import plan_through, read_waypoints
 from vision.task import VisionSettings
 
 MARGIN = 1.1  # of the plan's limits, where [safety] names no own
@@ -83,6 +85,8 @@ def plan_move(experiment: Experiment, timer: Any = None) -> Plan | None:
     if not e.moves:
         return None
     try:
+        if e.move.waypoints:
+            return plan_through(e, read_waypoints(Path(e.move.waypoints)), belief(e))
         problem = Problem(
             start_m=e.move.start_m,
             distance_m=e.move.distance_m,

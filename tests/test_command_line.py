@@ -52,7 +52,7 @@ def table(name):
 
 
 def test_every_verb_explains_itself(rig):
-    verbs = ("doctor", "plan", "compare", "run", "stop", "sim", "track", "calibrate", "analyze")
+    verbs = ("doctor", "plan", "compare", "laws", "spline", "motor-check", "run", "stop", "sim", "track", "calibrate", "analyze")
     code, said, _ = rig("--help")
     assert code == 0
     assert all(verb in said for verb in verbs)
@@ -329,3 +329,19 @@ def test_a_published_table_is_shown_with_its_verdicts(rig):
     assert code == 0
     assert all(row["as_expected"] for row in document["rows"])
     assert rig("compare", "3.9")[0] == 2
+
+
+@pytest.mark.parametrize(
+    ("planner", "changes"),
+    [
+        ("law", ['plan.law="modified_sine"', "move.time_s=3.3979"]),  # leaves no swing by itself after this time
+        ("zv", ['plan.law="quintic"', 'plan.input="jerk"']),
+        ("zvd", ['plan.law="double_s"']),
+    ],
+)
+def test_any_law_runs_on_the_rig_as_it_is_or_shaped(rig, planner, changes):
+    words = [word for change in ["move.time_s=2.6", "model.length_m=0.98", *changes] for word in ("--set", change)]
+    code, said, _ = rig("run", "move", "--virtual", "--no-report", "--json", "--planner", planner, *BRIEF, *words)
+    document = msgspec.json.decode(said)
+    assert (code, document["planner"], document["verdict"]) == (0, planner, "good")
+    assert document["truth"]["residual_swing_rad"] < 1e-3

@@ -64,7 +64,8 @@ MISTAKES = {
     ),
     "an unknown key with a near one": (
         SMALLEST + "[move]\ndistanc_m = 0.2",
-        "[move] distanc_m: unknown key, did you mean 'distance_m'?; known here: axis, start_m, distance_m, time_s",
+        "[move] distanc_m: unknown key, did you mean 'distance_m'?; "
+        "known here: axis, start_m, distance_m, time_s, waypoints, spline, allocation",
     ),
     "an unknown key with none near": (
         SMALLEST + "[plan]\nqqq = 1",

@@ -10,7 +10,7 @@ from planners.catalog import PLANNERS
 from rig.cli import main as command_line
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = ("README.md", "docs/path.md", "docs/planning.md", "docs/wire.md")
+PAGES = ("README.md", "docs/path.md", "docs/planning.md", "docs/motions.md", "docs/wire.md")
 
 
 def test_the_wire_page_is_the_one_the_channel_table_makes():
@@ -29,7 +29,7 @@ def test_every_command_of_the_readme_is_one_of_the_program():
     verbs = {command.name for command in command_line.app.registered_commands} | {
         group.name for group in command_line.app.registered_groups
     }
-    named = set(re.findall(r"`rig ([a-z]+)", (ROOT / "README.md").read_text()))
+    named = set(re.findall(r"`rig ([a-z-]+)", (ROOT / "README.md").read_text()))
     assert named <= verbs
     assert verbs - {"calibrate"} <= named
 

@@ -11,7 +11,7 @@ import typer
 from comms.errors import CommsError, LogError
 from planners.errors import PlanError
 from rig.analysis.errors import AnalysisError
-from rig.cli import analyze, calibrate, compare, doctor, plan, run, sim, stop, track
+from rig.cli import analyze, calibrate, compare, doctor, laws, motor_check, plan, run, sim, spline, stop, track
 from rig.cli.output import print_json
 from rig.errors import BAD_DATA, EXIT_STATUS, REFUSED, USAGE, RigError
 from vision.errors import VisionError
@@ -58,6 +58,9 @@ app.command("stop")(stop.stop)
 app.command("sim")(sim.sim)
 app.command("track")(track.track)
 app.command("analyze")(analyze.analyze)
+app.command("spline")(spline.spline)
+app.command("motor-check")(motor_check.motor_check)
+app.add_typer(laws.app, name="laws")
 app.add_typer(calibrate.app, name="calibrate")
 
 

@@ -14,8 +14,10 @@ from rich.table import Table
 from comms.clock import stopwatch_s
 from planners import catalog
 from planners.laws import LAWS
-from planners.models.model import INPUTS
+from planners.models.chain import ChainModel
+from planners.models.model import INPUTS, LAG_S, cart_of
 from planners.problem import Limits, Plan, Problem
+from rig import picture_file
 from rig.cli.output import out, print_json
 from rig.config import LimitsSection, ModelSection
 from rig.errors import REFUSED, ConfigError
@@ -29,7 +31,7 @@ def plan(
     distance: Annotated[float, typer.Option(help="Distance in m.")] = 0.2,
     time: Annotated[float, typer.Option(help="Time of the move in s.")] = 1.5,
     length: Annotated[float | None, typer.Option(help="Believed cable length in m; 1 without --links.")] = None,
-    damping: Annotated[float, typer.Option(help="Believed damping ratio of every mode.")] = 0.0,
+    damping: Annotated[float, typer.Option(help="Believed damping ratio of every mode, a fraction of critical.")] = 0.0,
     model: Annotated[str, typer.Option(help=f"What moves the platform: {', '.join(INPUTS)}.")] = "acceleration",
     robust: Annotated[
         list[str] | None,
@@ -39,12 +41,17 @@ def plan(
         str | None,
         typer.Option(help="A chain instead of a cable: length:mass:kind in m and kg, e.g. 0.5:3.375:bar,0.5:3.375:bar."),
     ] = None,
-    stiffness: Annotated[str, typer.Option(help="Of each joint between links in N m/rad, with commas.")] = "",
-    joint_damping: Annotated[str, typer.Option(help="Of each joint between links in N m s/rad, with commas.")] = "",
+    stiffness: Annotated[
+        str | None,
+        typer.Option(help="Of each joint between links in N m/rad, with commas; 0 unless given."),
+    ] = None,
+    joint_damping: Annotated[
+        str | None, typer.Option(help="Of each joint between links in N m s/rad, with commas; 0 unless given.")
+    ] = None,
     tip_mass: Annotated[float, typer.Option(help="At the end of the chain in kg.")] = 0.0,
     mass: Annotated[
-        float, typer.Option(help="Of the load on a cable in kg; matters with --model force.")
-    ] = ModelSection().mass_kg,
+        float | None, typer.Option(help="Of the load on a cable in kg, 0.7 unless given; matters with --model force.")
+    ] = None,
     cart_mass: Annotated[
         float, typer.Option(help="Of the platform in kg; matters with --model force.")
     ] = ModelSection().cart_mass_kg,
@@ -61,13 +68,24 @@ def plan(
     acceleration_limit: Annotated[
         float, typer.Option(help="Limit on acceleration in m/s².")
     ] = LimitsSection().acceleration_m_s2,
+    lag: Annotated[float, typer.Option(help="Time constant of --model jerk in s.")] = LAG_S,
     csv_file: Annotated[Path | None, typer.Option("--csv", help="Write t, x, v, a every 10 ms.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Draw the move and the swing it makes: .svg, .png or .pdf.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")] = False,
 ) -> int:
     """Plan a move along X and say what it asks for and what swing it leaves; exit 3 when it leaves the limits."""
-    if links and length is not None:
+    for option, text in (("--links", links), ("--stiffness", stiffness), ("--joint-damping", joint_damping)):
+        if text is not None and not text.strip():
+            raise ConfigError(f"{option} is empty; must name something: leave the option out")
+    if links is not None and length is not None:
         raise ConfigError(f"--length {length:g} with --links {links}; must be one of the two: leave one out")
+    if links is not None and mass is not None:
+        raise ConfigError(f"--mass {mass:g} with --links {links}; must be one of the two: each link names its own mass")
+    forgiven = [name.strip() for text in robust or () for name in text.split(",")]
+    if not all(forgiven) or len(set(forgiven)) < len(forgiven):
+        raise ConfigError(f"--robust {', '.join(robust or [])!r}; must name each parameter once: e.g. --robust length")
+    if plot is not None:
+        picture_file.check(plot)
     believed = ModelSection(
         length_m=length,
         links=links.split(",") if links else [],
@@ -75,7 +93,7 @@ def plan(
         joint_damping_n_m_s_rad=_numbers("--joint-damping", joint_damping),
         tip_mass_kg=tip_mass,
         damping_ratio=damping,
-        mass_kg=mass,
+        mass_kg=ModelSection().mass_kg if mass is None else mass,
         cart_mass_kg=cart_mass,
     )
     problem = Problem(
@@ -83,7 +101,8 @@ def plan(
         time_s=time,
         model=model_of(believed),
         input=model,
-        robust=tuple(name for text in robust or () for name in text.split(",") if name),
+        lag_s=lag,
+        robust=tuple(forgiven),
         law=law,
         nonlinear=nonlinear,
         start_state=_states("--start", start or []),
@@ -95,8 +114,7 @@ def plan(
     if csv_file is not None:
         _write_csv(made, csv_file)
     if plot is not None:
-        from rig import picture_file  # matplotlib takes its time
-        from rig.plan_figure import draw_plan
+        from rig.plan_figure import draw_plan  # matplotlib takes its time
 
         picture_file.save(draw_plan(made), plot)
     if as_json:
@@ -108,17 +126,19 @@ def plan(
     return REFUSED if made.reasons else 0
 
 
-def _numbers(option: str, text: str) -> list[float]:
+def _numbers(option: str, text: str | None) -> list[float]:
     try:
-        return [float(word) for word in text.split(",") if word.strip()]
+        return [float(word) for word in (text or "").split(",") if word.strip()]
     except ValueError:
         raise ConfigError(f"{option} {text!r}; must be numbers with commas, one for each joint: e.g. {option} 10,10") from None
 
 
 def _states(option: str, texts: list[str]) -> dict[str, float]:
-    states = {}
+    states: dict[str, float] = {}
     for text in texts:
         name, _, value = text.partition("=")
+        if name.strip() in states:
+            raise ConfigError(f"{option} {name.strip()} twice; must be once: leave one out")
         try:
             states[name.strip()] = float(value)
         except ValueError:
@@ -143,19 +163,20 @@ def _document(made: Plan) -> dict[str, object]:
 
 def _table(made: Plan) -> Table:
     p, m = made.problem, made.metrics
-    n = p.model.links_count
-    load = f"{n} links" if n > 1 else "cable " + f"{p.model.parameters['length']:g} m"
+    n, cart = p.model.links_count, cart_of(p.input)
+    load = f"{n} links" if isinstance(p.model, ChainModel) else f"cable {p.model.parameters['length']:g} m"
     robust = f", robust to {', '.join(p.robust)}" if p.robust else ""
+    robust += ", nonlinear" if p.nonlinear else ""
     table = Table(
         title=f"{made.planner}: {p.distance_m:g} m in {p.time_s:g} s, {load}, {p.input} input{robust}", title_justify="left"
     )
     table.add_column("")
     table.add_column("", justify="right")
     rows = (
-        ("modes", ", ".join(f"{abs(rate) / (2 * np.pi):.4f} Hz" for rate in p.model.swing_rates_1_s)),
-        ("peak swing", f"{m.peak_swing_rad * 1e3:.3f} mrad"),
-        ("residual swing, linear model", f"{m.residual_swing_rad * 1e3:.6f} mrad"),
-        ("residual swing, true pendulum", f"{m.residual_swing_nonlinear_rad * 1e3:.4f} mrad"),
+        (f"modes, platform {cart}", ", ".join(f"{hz:.4f} Hz" for hz in p.model.modes(cart).natural_frequencies_hz)),
+        ("peak swing, nonlinear load", f"{m.peak_swing_rad * 1e3:.3f} mrad"),
+        ("residual swing, small swings", f"{m.residual_swing_rad * 1e3:.3g} mrad"),
+        ("residual swing, nonlinear load", f"{m.residual_swing_nonlinear_rad * 1e3:.3g} mrad"),
         ("peak / rms speed", f"{m.peak_speed_m_s:.4f} / {m.rms_speed_m_s:.4f} m/s"),
         ("peak / rms acceleration", f"{m.peak_acceleration_m_s2:.4f} / {m.rms_acceleration_m_s2:.4f} m/s²"),
         ("travel", f"{m.travel_m:.4f} m"),
@@ -169,7 +190,8 @@ def _table(made: Plan) -> Table:
 
 
 def _write_csv(made: Plan, path: Path) -> None:
-    t = np.arange(0.0, made.motion.duration_s + SAMPLE_S / 2, SAMPLE_S)
+    end_s = made.motion.duration_s
+    t = np.append(np.arange(0.0, end_s - SAMPLE_S * 1e-6, SAMPLE_S), end_s)
     columns = np.column_stack([t, *(made.motion.x.at(t, order) for order in range(3))])
     with path.open("w", newline="") as file:
         rows = csv.writer(file)

@@ -117,7 +117,7 @@ def _announcement(job: Job, plan: Plan | None, mode: str, plan_s: float) -> Tabl
     table.add_row("mode", f"{clock}; seed {e.experiment.seed}")
     if plan is not None:
         m = plan.metrics
-        table.add_row("plan", f"{plan.planner}: {e.move.distance_m:g} m along {e.move.axis} in {e.move.time_s:g} s")
+        table.add_row("plan", _said(plan))
         table.add_row("believes", f"cable {e.model.cable_m:g} m, damping ratio {e.model.damping_ratio:g}")
         table.add_row(
             "asks for",
@@ -152,3 +152,12 @@ def _comparison(summaries: list[Summary]) -> Table:
         values = (s.planned.residual_swing_rad, s.measured.residual_swing_rad, s.truth.residual_swing_rad if s.truth else None)
         table.add_row(s.planner, *("-" if v is None else f"{v * 1e3:.3f}" for v in values), s.verdict)
     return table
+
+
+def _said(plan: Plan) -> str:
+    """What was asked of the planner, in a line."""
+    p = plan.problem
+    words = [f"{plan.planner}: {p.distance_m:g} m along {p.axis} in {p.time_s:g} s", f"{p.input} input"]
+    words += [f"robust to {', '.join(p.robust)}"] if p.robust else []
+    words += ["nonlinear"] if p.nonlinear else []
+    return ", ".join(words)

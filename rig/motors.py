@@ -1,0 +1,144 @@
+"""A motor task: a motor, what it drives, and the motion it is to repeat; from a TOML file or a shipped example."""
+
+from __future__ import annotations
+
+import tomllib
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from planners.drives.motor import Drivetrain, Motor
+from planners.errors import unknown_name
+from planners.laws import LAWS
+from planners.laws.trapezoidal import trapezoidal_by_acceleration
+from planners.trajectory import Trajectory
+from rig.config import Section, convert, read_text
+from rig.errors import ConfigError
+
+EXAMPLES = ("1", "2")  # the two worked tasks of source 000
+
+
+class MotorSection(Section, frozen=True, kw_only=True):
+    """`[motor]`: the catalogue's data."""
+
+    continuous_torque_n_m: float
+    peak_torque_n_m: float
+    max_speed_rad_s: float
+    peak_power_w: float = float("inf")
+
+
+class DrivetrainSection(Section, frozen=True, kw_only=True):
+    """`[drivetrain]`: what turns with the motor, and what hangs behind the gear."""
+
+    motor_inertia_kg_m2: float
+    load_inertia_kg_m2: float = 0.0
+    motor_friction_n_m_s_rad: float = 0.0
+    load_friction_n_m_s_rad: float = 0.0
+    gear_ratio: float = 1.0
+    radius_m: float | None = None
+
+
+class MotionSection(Section, frozen=True, kw_only=True):
+    """`[motion]`: from rest to rest, in rad of the output shaft or in m."""
+
+    time_s: float
+    law: str = "cycloidal"
+    distance_rad: float | None = None
+    distance_m: float | None = None
+    acceleration_rad_s2: float | None = None
+    acceleration_m_s2: float | None = None
+    rest_s: float = 0.0
+
+
+class PublishedSection(Section, frozen=True, kw_only=True):
+    """`[published]`: what a source prints of the task, and why it may differ."""
+
+    rms_torque_n_m: float | None = None
+    peak_speed_rad_s: float | None = None
+    reason: str = ""
+
+
+class MotorTask(Section, frozen=True, kw_only=True):
+    """A whole file. motor, drivetrain and trajectory are what planners.drives.motor.check takes."""
+
+    motor_section: MotorSection = msgspec.field(name="motor")
+    drivetrain_section: DrivetrainSection = msgspec.field(name="drivetrain")
+    motion: MotionSection
+    published: PublishedSection = PublishedSection()
+
+    @property
+    def motor(self) -> Motor:
+        """Raises PlanError for a value out of bounds."""
+        return Motor(**msgspec.structs.asdict(self.motor_section))
+
+    @property
+    def drivetrain(self) -> Drivetrain:
+        """Raises PlanError for a value out of bounds."""
+        values = msgspec.structs.asdict(self.drivetrain_section)
+        return Drivetrain(**(values | {"radius_m": 1.0 if values["radius_m"] is None else values["radius_m"]}))
+
+    def trajectory(self) -> Trajectory:
+        """The motion of the output shaft [rad], or of what rolls off the radius [m].
+
+        Raises ConfigError for keys that do not go together, PlanError for what the law refuses.
+        """
+        m = self.motion
+        distance, acceleration = self._metres() if m.distance_m is not None else self._radians()
+        if m.law not in LAWS:
+            raise unknown_name("[motion] law", m.law, LAWS)
+        if acceleration is None:
+            return LAWS[m.law](m.time_s).scaled(distance)
+        if m.law != "trapezoidal":
+            raise ConfigError(
+                f"[motion] an acceleration of {acceleration:g} with law = {m.law!r}; needs 'trapezoidal': leave it out"
+            )
+        return trapezoidal_by_acceleration(distance, m.time_s, acceleration).trajectory()
+
+    @property
+    def has_figures(self) -> bool:
+        """Whether a source prints something of the task."""
+        return self.published != PublishedSection()
+
+    def _metres(self) -> tuple[float, float | None]:
+        m = self.motion
+        if m.distance_m is None or m.distance_rad is not None or m.acceleration_rad_s2 is not None:
+            raise ConfigError(f"[motion] distance_m = {m.distance_m} beside a key in rad; must be one unit: drop the others")
+        if self.drivetrain_section.radius_m is None:
+            raise ConfigError(
+                f"[motion] distance_m = {m.distance_m} without [drivetrain] radius_m; must have one, in m (a screw: "
+                "lead / 2 pi): add it, or give distance_rad"
+            )
+        return m.distance_m, m.acceleration_m_s2
+
+    def _radians(self) -> tuple[float, float | None]:
+        m = self.motion
+        if m.distance_rad is None:
+            raise ConfigError("[motion] distance_rad: missing; add it, or distance_m (--angle or --distance)")
+        if m.acceleration_m_s2 is not None or self.drivetrain_section.radius_m is not None:
+            raise ConfigError(
+                f"[motion] distance_rad = {m.distance_rad} beside acceleration_m_s2 or radius_m; must be one unit: "
+                "drop them, or give distance_m"
+            )
+        return m.distance_rad, m.acceleration_rad_s2
+
+
+def example_tables(name: str) -> dict[str, Any]:
+    """The tables of a shipped example. Raises PlanError for a name not in EXAMPLES."""
+    if name not in EXAMPLES:
+        raise unknown_name("--example", name, EXAMPLES)
+    return tomllib.loads((resources.files("rig") / "motors" / f"example_{name}.toml").read_text())
+
+
+def file_tables(path: Path) -> dict[str, Any]:
+    """The tables of a file. Raises ConfigError when it cannot be read or is no TOML."""
+    try:
+        return tomllib.loads(read_text(path, "motor task"))
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"motor task '{path}' is not valid TOML: {error}; mend that line") from None
+
+
+def task_of(tables: dict[str, Any]) -> MotorTask:
+    """The task of a file's tables. Raises ConfigError naming section, key, value and bound."""
+    return convert(tables, MotorTask)
