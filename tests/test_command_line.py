@@ -334,7 +334,7 @@ def test_a_published_table_is_shown_with_its_verdicts(rig):
 @pytest.mark.parametrize(
     ("planner", "changes"),
     [
-        ("law", ['plan.law="modified_sine"', "move.time_s=3.3979"]),  # leaves no swing by itself after this time
+        ("law", ['plan.law="modified_sine"', "move.time_s=3.3637"]),  # leaves no swing of this cable by itself
         ("zv", ['plan.law="quintic"', 'plan.input="jerk"']),
         ("zvd", ['plan.law="double_s"']),
     ],
