@@ -5,8 +5,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Iterable, Sequence
-from functools import reduce
-from itertools import pairwise
+from itertools import pairwise, zip_longest
 
 import numpy as np
 
@@ -96,7 +95,8 @@ class _Path:
             return self._answer_force(push.scaled(1.0 / self._whole_kg))
         if self._problem.input == "jerk":
             lag = self._problem.lag_s
-            push = _real(driven(push.scaled(1.0 / lag), complex(-1.0 / lag), complex(self._acceleration)), push.duration_s)
+            answer = driven(push.scaled(1.0 / lag), complex(-1.0 / lag), complex(self._acceleration))
+            push = _real(((1.0 + 0j, term) for term in answer), push.duration_s)
             self._acceleration = push.value(push.duration_s)
         speed = push.integral(self._speed)
         move = speed.integral(self.position_m)
@@ -107,10 +107,12 @@ class _Path:
         speed = push.integral(self.centre[1])
         move = speed.integral(self.centre[0])
         self.centre = [move.value(push.duration_s), speed.value(push.duration_s)]
+        parts = list[tuple[complex, Term]]()
         for k, (rate, share, value) in enumerate(self._swing):
             terms = driven(push, rate, value)
             self._swing[k] = (rate, share, sum((term.at(push.duration_s) for term in terms), 0j))
-            move = reduce(add_closed, (term.real(share, push.duration_s) for term in terms), move)
+            parts += [(share, term) for term in terms]
+        move = add_closed(move, _real(parts, push.duration_s))
         self.position_m = move.value(push.duration_s)
         return move
 
@@ -133,7 +135,13 @@ def _input(spectrum: Spectrum, shares: ComplexArray, left_s: float, duration_s: 
     return ExpPolynomial(duration_s, line, tuple(modes))
 
 
-def _real(terms: Iterable[Term], duration_s: float) -> ExpPolynomial:
-    """The sum of terms that is real, as a piece: one of each pair, twice."""
-    halves = (term.real(2.0 if term.rate_1_s.imag else 1.0, duration_s) for term in terms if term.rate_1_s.imag >= 0.0)
-    return reduce(add_closed, halves)
+def _real(parts: Iterable[tuple[complex, Term]], duration_s: float) -> ExpPolynomial:
+    """Re(sum of factor x term) as a piece; a wave and its conjugate are one mode."""
+    modes: dict[complex, list[complex]] = {}
+    for factor, (rate, p) in parts:
+        c = [factor * a for a in p]
+        if rate.imag < 0.0:
+            rate, c = rate.conjugate(), [a.conjugate() for a in c]
+        modes[rate] = [a + b for a, b in zip_longest(modes.get(rate, ()), c, fillvalue=0j)]
+    line = tuple(a.real for a in modes.pop(0j, [0j]))
+    return ExpPolynomial(duration_s, line, tuple(Mode(rate, tuple(c)) for rate, c in modes.items()))
