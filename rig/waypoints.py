@@ -43,8 +43,8 @@ def read_waypoints(path: Path) -> Waypoints:
     kept = [k for k, line in enumerate(text) if line.strip() and not line.startswith("#")]
     rows = list(csv.reader(text[k] for k in kept))
     if len(rows) < 3:
-        points = max(0, len(rows) - 1)
-        raise ConfigError(f"waypoints '{path}': {points} points; must be >= 2 below a header line {','.join(COLUMNS)}")
+        count = max(0, len(rows) - 1)
+        raise ConfigError(f"waypoints '{path}': {count} points; must be >= 2 below a header line {','.join(COLUMNS)}")
     header = [name.strip() for name in rows[0]]
     for name in header:
         if name not in COLUMNS:

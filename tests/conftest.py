@@ -1,6 +1,28 @@
-"""Settings of the whole suite."""
+"""Settings of the whole suite, and the command line as its users meet it."""
 
+import sys
+
+import pytest
 from hypothesis import settings
+
+from rig.cli import main as command_line
 
 settings.register_profile("swayless", deadline=None)  # a busy machine is no failure
 settings.load_profile("swayless")
+
+
+@pytest.fixture
+def rig(monkeypatch, capsys, tmp_path):
+    """Call `rig ...` in an empty folder; gives exit code, stdout, stderr."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "160")
+
+    def call(*words):
+        monkeypatch.setattr(sys, "argv", ["rig", *map(str, words)])
+        with pytest.raises(SystemExit) as left:
+            command_line.main()
+        said = capsys.readouterr()
+        assert "Traceback" not in said.err
+        return left.value.code or 0, said.out, said.err
+
+    return call

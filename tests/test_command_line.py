@@ -1,13 +1,11 @@
 """`rig` as its users meet it: what it prints, what it refuses, and with which exit code. No mistake gives a stack trace."""
 
 import csv
-import sys
 from pathlib import Path
 
 import msgspec
 import pytest
 
-from rig.cli import main as command_line
 from rig.runs import LOG
 
 BRIEF = ["--set", "experiment.quiet_s=0.6", "--set", "experiment.watch_s=2.5"]
@@ -16,23 +14,6 @@ JSON_KEYS = {
     "truth", "planned", "latency_ms", "links", "digest",
 }  # fmt: skip
 QUANTITIES = {"peak_swing_rad", "residual_swing_rad", "natural_frequency_hz", "damping_ratio", "cable_length_m"}
-
-
-@pytest.fixture
-def rig(monkeypatch, capsys, tmp_path):
-    """Call `rig ...` in an empty folder; gives exit code, stdout, stderr."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "160")
-
-    def call(*words):
-        monkeypatch.setattr(sys, "argv", ["rig", *map(str, words)])
-        with pytest.raises(SystemExit) as left:
-            command_line.main()
-        said = capsys.readouterr()
-        assert "Traceback" not in said.err
-        return left.value.code or 0, said.out, said.err
-
-    return call
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +33,20 @@ def table(name):
 
 
 def test_every_verb_explains_itself(rig):
-    verbs = ("doctor", "plan", "compare", "laws", "spline", "motor-check", "run", "stop", "sim", "track", "calibrate", "analyze")
+    verbs = [
+        "doctor",
+        "plan",
+        "compare",
+        "laws",
+        "spline",
+        "motor-check",
+        "run",
+        "stop",
+        "sim",
+        "track",
+        "calibrate",
+        "analyze",
+    ]
     code, said, _ = rig("--help")
     assert code == 0
     assert all(verb in said for verb in verbs)

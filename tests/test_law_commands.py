@@ -2,7 +2,6 @@
 
 import csv
 import math
-import sys
 import tomllib
 from pathlib import Path
 
@@ -14,30 +13,12 @@ from scipy.interpolate import CubicSpline, make_interp_spline
 
 from planners.laws import LAWS
 from planners.laws.double_s import double_s_within
-from rig.cli import main as command_line
 from rig.cli.laws import PUBLISHED
 
 DATA = Path(__file__).parent / "data"
 COEFFICIENTS = tomllib.loads((DATA / "laws.toml").read_text())["coefficients"]
 MOTOR = tomllib.loads((DATA / "spectra.toml").read_text())["motor"]
 MOTOR_OPTIONS = ("--continuous-torque", 8, "--peak-torque", 20, "--max-speed", 10, "--motor-inertia", 1)
-
-
-@pytest.fixture
-def rig(monkeypatch, capsys, tmp_path):
-    """Call `rig ...` in an empty folder; gives exit code, stdout, stderr."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "160")
-
-    def call(*words):
-        monkeypatch.setattr(sys, "argv", ["rig", *map(str, words)])
-        with pytest.raises(SystemExit) as left:
-            command_line.main()
-        said = capsys.readouterr()
-        assert "Traceback" not in said.err
-        return left.value.code or 0, said.out, said.err
-
-    return call
 
 
 @pytest.fixture
