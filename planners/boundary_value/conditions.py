@@ -35,6 +35,7 @@ class Conditions:
     acceleration: Field  # of the platform, (2n, N) -> (N,)
     sizes: FloatArray  # (2n,) of what z may become, to divide by
     rates_1_s: ComplexArray  # (2n,) eigenvalues of the linear problem's Hamiltonian
+    way_out: str  # what helps where a numerical solver fails
 
 
 def conditions(problem: Problem) -> Conditions:
@@ -53,6 +54,7 @@ def conditions(problem: Problem) -> Conditions:
         jacobian=pendulum.jacobian,
         input=pendulum.input,
         acceleration=pendulum.acceleration,
+        way_out="give the move more time, or less distance and swing",
     )
 
 
@@ -74,6 +76,7 @@ def linear_conditions(linear: LinearProblem) -> Conditions:
         acceleration=lambda z: row @ z,
         sizes=_sizes(linear, start, goal),
         rates_1_s=np.linalg.eigvals(s).astype(np.complex128),
+        way_out="take matrix_exponential" if linear.q.any() else "take convolution or matrix_exponential",
     )
 
 

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from planners.boundary_value.conditions import Conditions, conditions, linear_conditions
 from planners.boundary_value.linear import LinearProblem, linear_problem
-from planners.boundary_value.nodes import Nodes, checked_trajectory, graded_grid
+from planners.boundary_value.nodes import Budget, Nodes, checked_trajectory, graded_grid
 from planners.errors import NotConverged
 from planners.pieces import FloatArray
 from planners.problem import Problem
 from planners.trajectory import Trajectory
 
-AGREED = 1e-6  # of the peak acceleration: what one more level of extrapolation may still change
+AGREED = 3e-7  # of the peak acceleration: what one more level of extrapolation may still change; what is left is less
 LEVELS = 6  # parts an interval may be cut into
 ROUNDS = 30  # of Newton
 SETTLED = 1e-9  # last step of Newton, of the largest unknown in sizes; it converges quadratically
 SHORTEST_STEP = 1e-4  # share of a Newton step
+MOST_WORK = 3e6  # nodes x states^2 over all steps of Newton: 0.4 us each
 
 
 def solve_trapezoidal(linear: LinearProblem, intervals: int = 200) -> Nodes:
@@ -26,7 +29,7 @@ def solve_trapezoidal(linear: LinearProblem, intervals: int = 200) -> Nodes:
     """
     t_s = np.linspace(0.0, linear.time_s, intervals + 1)
     asked, n = linear_conditions(linear), len(linear.start)
-    z = _newton(asked, t_s, None)
+    z = _newton(asked, t_s, None, Budget("the trapezoidal rule", MOST_WORK, asked.way_out))
     push = asked.input(z)
     z[0] += asked.origin_m
     return Nodes(t_s, z[:n].T, z[n:].T, push)
@@ -36,20 +39,22 @@ def plan_finite_differences(problem: Problem) -> Trajectory:
     """min 1/2 int (x'Qx + r u^2) dt by the trapezoidal rule and Richardson's extrapolation.
 
     At the nodes of any grid the error is a series in 1/m^2 when every interval is cut into m equal parts; m = 1 and 2 leave
-    O(h^4), each further m two orders more, and m grows until the acceleration stands still within 1e-6 of its peak (2 or 3
+    O(h^4), each further m two orders more, and m grows until the acceleration stands still within 3e-7 of its peak (2 or 3
     as a rule). The grid is equal intervals, finer at the ends only where a filter or a weight makes the solution steep: 200
     equal ones would leave a quintic 1e-4 beside the jerk model's 16 ms lag. The true pendulum goes by a damped Newton
-    iteration from the linear solution. Raises NotConverged when levels or iterations run out, PlanError for a nonlinear
+    iteration from the linear solution. Raises NotConverged when levels, iterations or work run out, PlanError for a nonlinear
     problem these conditions do not cover.
     """
     asked = conditions(problem)
     t_s = graded_grid(asked)
-    guess = None if asked.linear else _newton(linear_conditions(linear_problem(problem)), t_s, None)
+    work = Budget("finite_differences", MOST_WORK, asked.way_out)
+    linear = replace(linear_conditions(linear_problem(problem)), way_out=asked.way_out)
+    guess = None if asked.linear else _newton(linear, t_s, None, work)
     table: list[FloatArray] = []  # last row of Neville's table: order 2, 4, ... of the finest level
     change = np.inf
     for m in range(1, LEVELS + 1):
         fine = _cut(t_s, m)
-        z = _newton(asked, fine, None if guess is None else _spread(guess, t_s, fine))
+        z = _newton(asked, fine, None if guess is None else _spread(guess, t_s, fine), work)
         row = [z[:, ::m]]
         guess = guess if asked.linear else row[0]
         for j, coarser in enumerate(table):
@@ -62,7 +67,7 @@ def plan_finite_differences(problem: Problem) -> Trajectory:
                 return checked_trajectory(problem, asked, t_s, row[-1], "finite_differences")
     raise NotConverged(
         f"finite_differences still changes the input by {change:.3g} of its peak at {LEVELS * (len(t_s) - 1)} intervals; "
-        f"must be <= {AGREED:g}: take convolution or matrix_exponential"
+        f"must be <= {AGREED:g}: {asked.way_out}"
     )
 
 
@@ -77,14 +82,18 @@ def _spread(z: FloatArray, t_s: FloatArray, fine_s: FloatArray) -> FloatArray:
     return np.array([np.interp(fine_s, t_s, row) for row in z])
 
 
-def _newton(asked: Conditions, t_s: FloatArray, guess: FloatArray | None) -> FloatArray:
+def _newton(asked: Conditions, t_s: FloatArray, guess: FloatArray | None, work: Budget) -> FloatArray:
     """State and costate (2n, N+1) at which every interval's trapezoidal residual is zero; one step where all is linear."""
     size = asked.sizes[:, None]
     z = np.zeros((len(size), len(t_s))) if guess is None else guess / size
     residual = _residual(asked, t_s, z)
     share, step = 1.0, np.inf
     for _ in range(ROUNDS):
-        correction = _correction(asked, t_s, z, residual)
+        work.spend(float(z.shape[1] * len(asked.start) ** 2))
+        try:
+            correction = _correction(asked, t_s, z, residual)
+        except np.linalg.LinAlgError as singular:
+            raise _stuck(asked, np.inf) from singular
         step = float(np.abs(correction).max() / max(1.0, np.abs(z).max()))
         norm, share = float(np.linalg.norm(residual)), min(1.0, 4.0 * share)
         while True:
@@ -104,7 +113,7 @@ def _newton(asked: Conditions, t_s: FloatArray, guess: FloatArray | None) -> Flo
 def _stuck(asked: Conditions, step: float) -> NotConverged:
     return NotConverged(
         f"finite_differences: Newton's step is still {step:.3g} of the solution in time_s = {asked.time_s}; must fall to "
-        f"{SETTLED:g}: give the move more time, or take collocation"
+        f"{SETTLED:g}: {asked.way_out}"
     )
 
 

@@ -17,8 +17,10 @@ from planners.trajectory import Trajectory
 
 FEWEST = 200  # intervals of a move, the source's number
 MOST = 20_000
-RADIANS = 0.15  # of a mode's phase or decay in an interval: a quintic leaves 0.15^4/1920 = 3e-7 of its acceleration
+RADIANS = 0.1  # of a mode's phase or decay in an interval: a quintic leaves 0.1^4/1920 = 5e-8 of its acceleration
 ROUNDING = 1e-9
+FASTEST = 1e8  # time constants of the fastest mode in a move: its intervals must survive rounding
+TINY_RAD = 1e-300  # a denormal swing has no digits left to meet END_SWING
 END_SWING = 1e-6  # of what the platform's acceleration could swing the load by if it never cancelled
 
 
@@ -31,6 +33,22 @@ class Nodes(NamedTuple):
     input: FloatArray  # (N+1,)
 
 
+class Budget:
+    """Work that a solver may do before it refuses, counted and not timed, so that a machine's load changes no answer."""
+
+    def __init__(self, planner: str, most: float, way_out: str) -> None:
+        self._planner, self._most, self._way_out, self._spent = planner, most, way_out, 0.0
+
+    def spend(self, work: float) -> None:
+        """Count work about to be done. Raises NotConverged when that is more than the budget."""
+        self._spent += work
+        if not self._spent <= self._most:
+            raise NotConverged(
+                f"{self._planner} asks for {self._spent:.3g} units of work and is not done; must be <= {self._most:.3g}: "
+                f"{self._way_out}"
+            )
+
+
 def input_from_costates(linear: LinearProblem, costates: FloatArray) -> FloatArray:
     """u = -b'p/r, which minimises the Hamiltonian: (..., n) -> (...); source 004, section 2.1."""
     return np.asarray(costates @ linear.b / -linear.r)
@@ -41,8 +59,15 @@ def graded_grid(conditions: Conditions) -> FloatArray:
 
     A mode exp(rate t) with a real part lives near the ends only, and a quintic's error grows with the fourth power of
     an interval, so intervals may grow there as exp(|Re rate| t / 4): the jerk model's filter costs 30 of them, not T/tau of
-    each. Raises PlanError beyond 20 000.
+    each. Raises PlanError beyond 20 000, or for a mode that ends within rounding of the move's ends.
     """
+    out = conditions.way_out if conditions.linear else "weigh the states less, or give the move less time"
+    fastest = float(np.abs(conditions.rates_1_s).max()) * conditions.time_s
+    if not fastest <= FASTEST:
+        raise PlanError(
+            f"time_s = {conditions.time_s} is {fastest:.3g} time constants of the fastest motion that model, state_weights "
+            f"and input_weight make; must be <= {FASTEST:g} for a numerical solver: {out}"
+        )
     rates = conditions.rates_1_s[np.abs(conditions.rates_1_s) * conditions.time_s > FEWEST * RADIANS]
     fast = sorted({(float(abs(rate.real)) / 4.0, float(abs(rate)) / RADIANS) for rate in rates.tolist()})
     middle, t = conditions.time_s / 2.0, [0.0]
@@ -53,8 +78,7 @@ def graded_grid(conditions: Conditions) -> FloatArray:
         t.append(t[-1] + 1.0 / density)
         if len(t) > MOST / 2:
             raise PlanError(
-                f"time_s = {conditions.time_s} asks for more than {MOST} intervals; must be fewer for a numerical solver: "
-                "take matrix_exponential or convolution"
+                f"time_s = {conditions.time_s} asks for more than {MOST} intervals; must be fewer for a numerical solver: {out}"
             )
     half = np.array(t) * (middle / t[-1])
     return np.concatenate([half[:-1], [middle], conditions.time_s - half[-2::-1]])
@@ -86,7 +110,7 @@ def checked_trajectory(problem: Problem, solved: Conditions, t_s: FloatArray, z:
     start, goal = solved.start[: 2 + 2 * n], solved.goal[: 2 + 2 * n]
     modes, left_s, pushes = model.modes(), *_pushes(trajectory)
     possible = float(np.abs(pushes).sum() + np.abs(modes.filters @ start[2:]).max())
-    bound = END_SWING * float(np.max(np.abs(modes.shapes[:n]).sum(axis=1))) * possible
+    bound = END_SWING * float(np.max(np.abs(modes.shapes[:n]).sum(axis=1))) * possible + TINY_RAD
     if problem.nonlinear:
         speeds = {"speed_before_m_s": float(start[1]), "speed_after_m_s": float(goal[1])}
         swing = replay(model, trajectory, angles_rad=start[2:3], rates_rad_s=start[3:4], **speeds)
@@ -99,7 +123,7 @@ def checked_trajectory(problem: Problem, solved: Conditions, t_s: FloatArray, z:
     if not missed <= bound:
         raise NotConverged(
             f"{planner} leaves the load {missed:.3g} rad beside its goal in time_s = {problem.time_s}; must be <= {bound:.3g} "
-            f"rad: {'give the move more time' if problem.nonlinear else 'take convolution or matrix_exponential'}"
+            f"rad: {solved.way_out}"
         )
     return trajectory
 
