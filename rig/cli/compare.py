@@ -15,7 +15,7 @@ from rich.text import Text
 
 from comms.clock import stopwatch_s
 from planners.errors import unknown_name
-from rig.cli.output import err, out, print_json
+from rig.cli.output import check_folder, out, print_json, working
 from rig.compare import table as tables
 from rig.compare.published import TABLES
 from rig.compare.table import Comparison, tolerance
@@ -30,12 +30,15 @@ LEGEND = (
     "published: as printed. ours: in the source's definitions: signed maxima; θ res over as long again after the move;",
     "speed RMS over [0, 2T], hence 1/√2 of the move's; acceleration RMS unweighted over the technique's own nodes.",
     "exact: the same problem solved exactly: absolute maxima, RMS over the move, amplitude of the swing left.",
-    "≠: ours and published differ by more than 0.05 % (θ res: 2 %).",
+    "≠: ours and published differ by more than 0.05 % (θ res: 2 %). reproduced: every figure agrees. partly: those marked do",
+    "not, for the reason given. false: the source's figures are not the stated problem's. no entry: the source prints a dash;",
+    "where ours is empty too, the move is shorter than the shaper.",
+    "planned in: published, a whole run of the source's; ours, one plan, warm.",
 )
 
 
 def compare(
-    table: Annotated[str, typer.Argument(help=f"{TABLES[0]} to 3.8, 4.1 to {TABLES[-1]}, all, or sensitivity.")],
+    table: Annotated[str, typer.Argument(help="3.1 to 3.8, 4.1 to 4.7, several with commas; 3, 4 or all; or sensitivity.")],
     csv_file: Annotated[Path | None, typer.Option("--csv", help="Write one line for each figure.")] = None,
     plot: Annotated[Path | None, typer.Option(help="With sensitivity: the file to draw into; default sensitivity.svg.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")] = False,
@@ -48,11 +51,12 @@ def compare(
         return _sensitivity(plot, csv_file, as_json)
     if plot is not None:
         raise ConfigError(f"--plot {plot} with table {table}; must be with sensitivity: leave it out")
-    if table not in CHOICES:
-        raise unknown_name("table", table, CHOICES)
+    names = _tables(table)
+    if csv_file is not None:
+        check_folder("--csv", csv_file)
     every: list[Comparison] = []
-    for name in TABLES if table == "all" else (table,):
-        with err.status(f"table {name}: planning every row"):
+    for name in names:
+        with working(f"table {name}: planning every row", quiet=not as_json or len(names) == 1):
             comparisons = tables.compare(name, stopwatch_s)
         every += comparisons
         if not as_json:
@@ -67,6 +71,17 @@ def compare(
     return 0 if all(comparison.as_expected for comparison in every) else BAD_DATA
 
 
+def _tables(text: str) -> tuple[str, ...]:
+    """Names of tables with commas; `3` and `4` are all of a chapter."""
+    names: list[str] = []
+    for word in (part.strip() for part in text.split(",")):
+        chapter = [name for name in TABLES if word == "all" or name.startswith(f"{word}.")]
+        if word not in TABLES and not chapter:
+            raise unknown_name("table", word, CHOICES)
+        names += chapter or [word]
+    return tuple(dict.fromkeys(names))
+
+
 def _sensitivity(plot: Path | None, csv_file: Path | None, as_json: bool) -> int:
     if csv_file is not None:
         raise ConfigError(f"--csv {csv_file} with sensitivity; must be with a table: take --json")
@@ -76,7 +91,8 @@ def _sensitivity(plot: Path | None, csv_file: Path | None, as_json: bool) -> int
     path = None if as_json and plot is None else plot or Path("sensitivity.svg")
     if path is not None:
         picture_file.check(path)
-    with err.status("curves of every plan, on the linear and on the true load"):
+        check_folder("--plot", path)
+    with working("curves of every plan, on the linear and on the true load: about 10 s"):
         document = sensitivity_document()
         if path is not None:
             draw(document, path)
@@ -97,7 +113,8 @@ def _print(name: str, comparisons: Sequence[Comparison]) -> None:
         view.add_column(header, justify="right", no_wrap=True)
     notes: dict[str, int] = {}
     for c in comparisons:
-        note = f" ({notes.setdefault(c.reason, len(notes) + 1)})" if c.reason else ""
+        words = [notes.setdefault(why, len(notes) + 1) for why in (c.reason, c.sampling) if why]
+        note = f" ({', '.join(map(str, words))})" if words else ""
         row = c.row
         published = [_figure(column, row.published.get(column)) for column in columns]
         ours = [_figure(column, c.ours.get(column), differs=column in c.off) for column in columns]
@@ -160,6 +177,7 @@ def _document(c: Comparison) -> dict[str, object]:
         "verdict": row.verdict,
         "as_expected": c.as_expected,
         "reason": c.reason,
+        "sampling": c.sampling,
         "refused": c.refused,
         "published_compute_s": row.compute_s,
         "compute_s": c.compute_s,

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -11,6 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from rig.analysis.summary import QUANTITIES, LinkSummary, Quantities, Summary
+from rig.errors import ConfigError
 
 out = Console(highlight=False, soft_wrap=True, markup=False)
 err = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
@@ -22,6 +26,24 @@ def print_json(document: Any) -> None:
     """One JSON document; a number that is none becomes null."""
     plain = _finite(msgspec.to_builtins(document))
     sys.stdout.write(msgspec.json.format(msgspec.json.encode(plain), indent=2).decode() + "\n")
+
+
+@contextmanager
+def working(what: str, *, quiet: bool = False) -> Iterator[None]:
+    """A sign of life on stderr while something takes its time; a plain line where there is no terminal, unless quiet."""
+    if err.is_terminal:
+        with err.status(what):
+            yield
+        return
+    if not quiet:
+        err.print(what)
+    yield
+
+
+def check_folder(option: str, path: Path) -> None:
+    """Raises ConfigError for a file in no folder; worth asking before long work."""
+    if not path.parent.is_dir():
+        raise ConfigError(f"{option} {str(path)!r}: no folder '{path.parent}'; must be there: make it, or name another")
 
 
 def _finite(value: Any) -> Any:

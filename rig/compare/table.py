@@ -23,6 +23,7 @@ from rig.compare.published import Row, rows
 from rig.compare.source_metrics import InputNodes, measure
 
 DISTANCE_M = 0.2
+WINDOW = 2  # of the speed's RMS, in times of the move
 TOLERANCE, RESIDUAL_TOLERANCE = 5e-4, 0.02  # relative; of residuals, which are what a rounding of the input leaves
 INTERVALS = 200  # of the source's finite differences
 POINTS = 2000  # of its bvp5c
@@ -59,6 +60,13 @@ class Comparison(msgspec.Struct, frozen=True, kw_only=True):
         return f"{self.row.why}: its peak acceleration is {excess:.1%} above ours".replace("%", " %")
 
     @property
+    def sampling(self) -> str:
+        """Where the source's definitions of this row are not those of the others; "" where they are."""
+        window = f"its speed RMS is over [0, {self.row.window:g}T], not [0, 2T]" if self.row.window != WINDOW else ""
+        differences = "its accelerations are differences of the simulated speed over 0.5 ms" if _by_speed(self.row) else ""
+        return "; ".join(word for word in (window, differences) if word and self.ours)
+
+    @property
     def as_expected(self) -> bool:
         """Whether exactly the columns differ that the row names; of a dash nothing is expected."""
         return set(self.off) == set(self.row.off) and bool(self.ours) >= bool(self.row.figures)
@@ -88,14 +96,18 @@ def _compare(row: Row, timer: Callable[[], float] | None) -> Comparison:
         best = PLANNERS[row.method if shaped else "convolution"](problem)
     except Infeasible as refusal:
         return Comparison(row=row, ours={}, exact={}, compute_s=None, refused=str(refusal))
-    speed = problem.input == "force" or (problem.input == "jerk" and row.bars)
     plant, nodes = _played(row, problem, best)
     return Comparison(
         row=row,
-        ours=measure(plant, nodes, window=row.window, acceleration="speed" if speed else "nodes"),
+        ours=measure(plant, nodes, window=row.window, acceleration="speed" if _by_speed(row) else "nodes"),
         exact=exact_metrics(problem.model, best),
         compute_s=_seconds(row, problem, timer) if timer else None,
     )
+
+
+def _by_speed(row: Row) -> bool:
+    """Whether the source took the row's accelerations from the speed it simulated, and not from the technique's nodes."""
+    return row.input == "force" or (row.input == "jerk" and row.bars)
 
 
 def _played(row: Row, problem: Problem, best: Trajectory) -> tuple[StateSpace, InputNodes]:
