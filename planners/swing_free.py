@@ -25,18 +25,20 @@ RADIUS, POINTS = 0.25, 24  # of the circle that gives the Taylor series: its 24t
 VANISHED = 1e-6  # of the largest Taylor term; what is below is zero at a multiple zero
 
 
-def swing_free_cycles(trajectory: Trajectory, most_cycles: float = 6.0) -> FloatArray:
-    """Every Omega = duration / load period, up to most_cycles, at which V'(Omega) = 0, increasing: (N,).
+def swing_free_cycles(trajectory: Trajectory, most_cycles: float = 6.0, least_cycles: float = FIRST) -> FloatArray:
+    """Every Omega = duration / load period, from least_cycles up to most_cycles, at which V'(Omega) = 0, increasing: (N,).
 
     They belong to the law, not to its duration or distance: 1.4303 for the cubic, 1.5 harmonic, 2 cycloidal. A multiple
     zero, near which a wrong period matters little, is given once, and so are two within 1e-5. A motion whose halves differ
     may have none.
-    Raises PlanError unless 0.01 < most_cycles <= 1000.
+    Raises PlanError unless 0.01 <= least_cycles < most_cycles <= 1000.
     """
     if not FIRST < most_cycles <= MOST_CYCLES:
         raise PlanError(f"most_cycles = {most_cycles}; must be > {FIRST} and <= {MOST_CYCLES:g}: a few load periods do")
+    if not FIRST <= least_cycles < most_cycles:
+        raise PlanError(f"least_cycles = {least_cycles}; must be {FIRST} to most_cycles = {most_cycles}: begin lower")
     wave = _Wave(trajectory)
-    edges = np.append(np.arange(FIRST, most_cycles, 1.0), most_cycles + FIRST)
+    edges = np.append(np.arange(least_cycles, most_cycles, 1.0), most_cycles + FIRST)
     turns, zero = wave.turns(edges)
     multiple = np.array([wave.centre(place) for place in _means(turns[zero])])
     places = np.sort(np.concatenate([edges, turns[~zero], multiple]))

@@ -95,10 +95,12 @@ class LimitsSection(Section, frozen=True, kw_only=True):
 
 
 class SafetySection(Section, frozen=True, kw_only=True):
-    """`[safety]`: checked on every reference (position along X); speed and acceleration default to 1.1 x limits."""
+    """`[safety]`: checked on every reference; speed and acceleration default to 1.1 x limits."""
 
-    position_min_m: Place = -0.25
+    position_min_m: Place = -0.25  # along X
     position_max_m: Place = 0.25
+    depth_m: Annotated[float, Meta(ge=0, le=10)] = 0.25  # how far Y may leave 0
+    height_m: Annotated[float, Meta(ge=0, le=10)] = 0.1  # and Z
     speed_m_s: Positive | None = None
     acceleration_m_s2: Positive | None = None
     reference_stale_ms: Annotated[float, Meta(ge=30, le=60_000)] = 300.0

@@ -143,7 +143,7 @@ def _record(experiment: Experiment, plan: Plan | None, motion: Motion | None) ->
     places = motion.at(t_s) if motion else np.tile([experiment.move.start_m, 0.0, 0.0], (1, 1))
     return PlanRecord(
         planner=plan.planner if plan else e.planner if motion else "none",
-        distance_m=experiment.move.distance_m if plan else 0.0,
+        distance_m=plan.problem.distance_m if plan else 0.0,
         time_s=time_s,
         quiet_s=e.quiet_s,
         watch_s=e.watch_s,
@@ -165,6 +165,8 @@ def _envelope(experiment: Experiment) -> Envelope:
     return Envelope(
         position_min_m=s.position_min_m,
         position_max_m=s.position_max_m,
+        depth_m=s.depth_m,
+        height_m=s.height_m,
         speed_m_s=s.speed_m_s or MARGIN * limits.speed_m_s,
         acceleration_m_s2=s.acceleration_m_s2 or MARGIN * limits.acceleration_m_s2,
     )

@@ -10,7 +10,7 @@ from planners.laws.catalogue import coefficients, minimum_time_s
 from planners.laws.rect_cascade import LIMITS, RectCascade
 from planners.models.pendulum import PendulumModel
 from planners.sensitivity import residual_amplitudes
-from planners.swing_free import MOST_CYCLES, swing_free_cycles
+from planners.swing_free import FIRST, MOST_CYCLES, swing_free_cycles
 from planners.trajectory import Trajectory
 
 RECTS = {"trapezoidal": 2, "double_s": 3, "fifteen_segments": 4}  # laws whose shares of time follow from so many limits
@@ -77,7 +77,7 @@ def _swing_free_s(path: Trajectory, period_s: float) -> float:
     cycles = path.duration_s / period_s
     if cycles + AHEAD > MOST_CYCLES:
         return math.nan
-    found = swing_free_cycles(path, cycles + AHEAD)
+    found = swing_free_cycles(path, cycles + AHEAD, max(FIRST, cycles - FIRST))
     later = found[found >= cycles * (1.0 - MET)]
     return float(later[0]) * period_s if later.size else math.nan
 

@@ -13,10 +13,12 @@ ROUNDING = 1e-9  # metres: what summing floats may cost
 
 
 class Envelope(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Bounds on references: place along X, the axis that moves; speed and acceleration in space."""
+    """Bounds on references: place along X, how far Y and Z may leave 0; speed and acceleration in space."""
 
     position_min_m: float
     position_max_m: float
+    depth_m: float = 0.25  # |y|
+    height_m: float = 0.1  # |z|
     speed_m_s: float
     acceleration_m_s2: float
 
@@ -38,8 +40,9 @@ class Gate:
         e = self._envelope
         if not e.position_min_m <= position_m[0] <= e.position_max_m:  # NaN is outside as well
             return f"x = {position_m[0]:.4f} m; must be {e.position_min_m} to {e.position_max_m} m"
-        if not math.isfinite(position_m[1] + position_m[2]):
-            return f"y, z = {position_m[1]}, {position_m[2]} m; must be finite"
+        for axis, value, bound in (("y", position_m[1], e.depth_m), ("z", position_m[2], e.height_m)):
+            if not abs(value) <= bound:
+                return f"{axis} = {value:.4f} m; must be within +-{bound} m"
         if self._position is None:
             self._t_ns, self._position = t_ns, position_m
             return None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,6 +25,7 @@ from rig.errors import ConfigError
 TIME, AXES = "t_s", ("x_m", "y_m", "z_m")
 COLUMNS = (TIME, *AXES)
 SAME_PLACE_M = 1e-6
+SAMPLE_S = 1e-3
 
 
 class Waypoints(NamedTuple):
@@ -68,7 +70,7 @@ def _check_times(path: Path, times_s: FloatArray, lines: list[int]) -> None:
 
 
 def plan_through(experiment: Experiment, waypoints: Waypoints, model: Model) -> Plan:
-    """A spline through the points, all axes at once, measured along X.
+    """A spline through the points, all axes at once; swing is measured along X, speed and acceleration in space.
 
     Raises ConfigError for a first point away from the start, PlanError for points no spline passes.
     """
@@ -93,7 +95,17 @@ def plan_through(experiment: Experiment, waypoints: Waypoints, model: Model) -> 
         model=model,
         limits=Limits(speed_m_s=limits.speed_m_s, acceleration_m_s2=limits.acceleration_m_s2),
     )
-    return Plan(planner=move.spline, problem=problem, motion=Motion(x, y, z), metrics=measure(problem, x), compute_s=None)
+    motion = Motion(x, y, z)
+    speed, acceleration = (_peak(motion, order) for order in (1, 2))
+    metrics = replace(measure(problem, x), peak_speed_m_s=speed, peak_acceleration_m_s2=acceleration)
+    return Plan(planner=move.spline, problem=problem, motion=motion, metrics=metrics, compute_s=None)
+
+
+def _peak(motion: Motion, order: int) -> float:
+    """Largest size in space: that of each axis is exact, that of all together is read every millisecond."""
+    t = np.linspace(0.0, motion.duration_s, 2 + math.ceil(motion.duration_s / SAMPLE_S))
+    alone = max(axis.peak(order).value for axis in (motion.x, motion.y, motion.z))
+    return max(alone, float(np.linalg.norm(motion.at(t, order), axis=1).max()))
 
 
 def _axis(spline: str, times_s: FloatArray, points_m: FloatArray) -> Trajectory:

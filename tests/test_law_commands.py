@@ -391,3 +391,35 @@ def test_every_new_verb_explains_itself(rig, verb):
     assert code == 0
     assert "Usage" in said
     assert "--json" in said
+
+
+def test_a_search_that_would_take_minutes_is_refused_before_it_starts(rig, tmp_path):
+    (tmp_path / "many.csv").write_text("x_m\n" + "\n".join(str(k % 7) for k in range(40)))
+    code, _, why = rig("spline", tmp_path / "many.csv", "--vmax", 3, "--amax", 2)
+    assert code == 2
+    assert "the least time through 40 points by --kind b_spline_5; must be <= 25 points" in why
+
+
+def test_a_table_of_a_hundred_million_rows_is_refused(rig, tmp_path):
+    (tmp_path / "p.csv").write_text("x_m\n0\n1\n2\n")
+    code, _, why = rig("spline", tmp_path / "p.csv", "--time", 1e6, "--csv", tmp_path / "out.csv")
+    assert code == 2
+    assert "must be <= 1000000 rows" in why
+
+
+def test_a_long_way_under_a_short_cable_is_compared_in_seconds(rig):
+    code, said, _ = rig("laws", "compare", "--distance", 1000, "--load-length", 1, "--json")
+    assert code == 0
+    assert all(
+        row["swing_free_time_s"] is None or row["swing_free_time_s"] >= row["time_s"] for row in msgspec.json.decode(said)["laws"]
+    )
+
+
+@pytest.mark.parametrize(
+    "words", [("spline", "--json"), ("motor-check", "--time", "abc", "--json"), ("plan", "--bogus", "--json")]
+)
+def test_a_command_line_that_cannot_be_understood_gives_a_document_too(rig, words):
+    code, said, why = rig(*words)
+    document = msgspec.json.decode(said)
+    assert (code, document["exit_code"], document["verdict"]) == (2, 2, "bad")
+    assert "Usage" in why

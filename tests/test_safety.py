@@ -15,7 +15,7 @@ from rig.safety import Envelope, Gate
 
 MS = 1_000_000
 PERIOD_S = 0.01
-BOUNDS = Envelope(position_min_m=-0.25, position_max_m=0.25, speed_m_s=1.0, acceleration_m_s2=5.0)
+BOUNDS = Envelope(position_min_m=-0.25, position_max_m=0.25, depth_m=0.25, height_m=0.25, speed_m_s=1.0, acceleration_m_s2=5.0)
 
 
 def along_x(*places_m: float) -> list[Position]:
@@ -42,6 +42,8 @@ def speeding_up(acceleration_m_s2: float, top_m_s: float, from_m: float = -0.2) 
 INTRUDERS = {
     "position_max_m": (along_x(0.2501), "x = 0.2501 m; must be -0.25 to 0.25 m"),
     "position_min_m": (along_x(-0.2501), "x = -0.2501 m; must be -0.25 to 0.25 m"),
+    "depth_m": ([(0.0, 0.2501, 0.0)], "y = 0.2501 m; must be within +-0.25 m"),
+    "height_m": ([(0.0, 0.0, -0.2501)], "z = -0.2501 m; must be within +-0.25 m"),
     "speed_m_s": (speeding_up(4.9, 1.01), "speed 1.010 m/s; must be <= 1.000 m/s"),
     "acceleration_m_s2": (speeding_up(5.05, 0.9), "acceleration 5.05 m/s2; must be <= 5.00 m/s2"),
 }

@@ -111,3 +111,38 @@ def test_a_motion_that_leaves_the_workspace_is_refused_before_it_starts(through)
 def test_a_file_that_is_not_there_is_named(tmp_path):
     with pytest.raises(ConfigError, match=r"waypoints '.*nowhere.csv' cannot be read"):
         plan_move(config.load("move", [f"move.waypoints={tmp_path / 'nowhere.csv'}"]))
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("x_m,y_m\n0,0\n0.05,0.3\n0.1,0\n", r"y = 0\.\d+ m; must be within \+-0\.25 m"),
+        ("x_m,z_m\n0,0\n0.05,-0.2\n0.1,0\n", r"z = -0\.\d+ m; must be within \+-0\.1 m"),
+    ],
+)
+def test_depth_and_height_have_bounds_of_their_own(through, text, told):
+    chosen = through(text)
+    with pytest.raises(Refused, match=told):
+        prepare(chosen, plan_move(chosen))
+
+
+def test_limits_are_those_of_the_motion_in_space(through):
+    aside = through("x_m,y_m\n0,0\n0,0.1\n0,0.2\n", "move.time_s=0.6")
+    plan = plan_move(aside)
+    assert plan.metrics.peak_speed_m_s == pytest.approx(plan.motion.y.peak(1).value)
+    assert plan.metrics.peak_swing_rad == 0.0
+    tight = through("x_m,y_m\n0,0\n0,0.1\n0,0.2\n", "move.time_s=0.6", "limits.acceleration_m_s2=2")
+    with pytest.raises(Refused, match=r"the plan leaves \[limits\]: peak acceleration"):
+        prepare(tight, plan_move(tight))
+
+
+def test_the_record_says_how_far_the_points_go(through):
+    chosen = through("x_m,y_m\n0,0\n0.1,0.1\n0,0.2\n")
+    assert prepare(chosen, plan_move(chosen)).plan.distance_m == 0.0
+
+
+def test_a_planner_beside_waypoints_is_refused(rig, tmp_path):
+    (tmp_path / "points.csv").write_text(PLAIN)
+    code, _, why = rig("run", "move", "--virtual", "--planner", "zvd", "--set", f"move.waypoints={tmp_path / 'points.csv'}")
+    assert code == 2
+    assert "--planner zvd with [move] waypoints; the points are passed by [move] spline" in why

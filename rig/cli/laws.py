@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 import typer
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
@@ -17,7 +16,7 @@ from planners.laws.catalogue import Coefficients, catalogue
 from planners.laws.rect_cascade import LIMITS
 from planners.models.pendulum import PendulumModel
 from planners.swing_free import swing_free_cycles
-from rig.cli.output import err, out, print_json
+from rig.cli.output import out, print_json, wide, working
 from rig.config import LimitsSection, ModelSection
 from rig.errors import ConfigError
 from rig.law_moves import WORDS, LawMove, law_move, period_s
@@ -40,7 +39,6 @@ MOVES_COLUMNS = (
     ("no swing in", "[s]"),
 )
 PLAIN: Any = {"title_justify": "left", "box": None, "padding": (0, 2, 0, 0)}
-wide = Console(width=140, highlight=False, markup=False)  # on a narrower terminal too: lines are wrapped, not cut
 LEGEND = (
     "Cv = max |speed| T/h, Ca = max |acceleration| T²/h, rms over the move of h in the time T. Cn: derivative n has no step.",
     "A load of period Tn without damping is left at rest when T/Tn is one of the last column (T: the duration of the move).",
@@ -117,7 +115,7 @@ def compare(
     limits = (vmax, amax, math.inf if jmax is None else jmax, math.inf if smax is None else smax)
     _check(distance, limits)
     load = PendulumModel(length_m=load_length)
-    with err.status("fitting every law to the limits"):
+    with working("fitting every law to the limits"):
         moves = [law_move(name, distance, limits, load) for name in LAWS]
     moves.sort(key=lambda move: move.time_s)
     if as_json:
@@ -150,7 +148,7 @@ def plot(
     from rig.law_figures import draw_laws
 
     picture_file.check(path)
-    with err.status("drawing the laws"):
+    with working("drawing the laws"):
         picture_file.save(draw_laws(chosen), path)
     if as_json:
         print_json({"file": str(path), "laws": chosen})
@@ -188,7 +186,7 @@ def _wrong(row: Coefficients) -> list[str]:
 
 
 def _print_catalogue(rows: list[Coefficients]) -> None:
-    with err.status("finding the durations that leave no swing"):
+    with working("finding the durations that leave no swing"):
         free = [swing_free_cycles(LAWS[row.name](1.0), CYCLES)[:SHOWN] for row in rows]
     view = Table(title="Motion laws from rest to rest", **PLAIN)
     for header in ("law", "class", *HEADERS, "no swing at T/Tn"):

@@ -68,6 +68,10 @@ def main() -> None:
     """Run the command line; ends in SystemExit."""
     try:
         app()
+    except SystemExit as leaving:
+        if leaving.code == USAGE and "--json" in sys.argv[1:]:  # the usage itself was told on stderr
+            print_json(_refusal("the command line cannot be understood; see standard error, or --help", USAGE))
+        raise
     except KNOWN as error:
         sys.exit(_fail(str(error), _exit_code(error)))
     except OSError as error:
@@ -88,8 +92,12 @@ def _exit_code(error: Exception) -> int:
     return BAD_DATA if isinstance(error, LogError | VisionError | AnalysisError) else REFUSED
 
 
+def _refusal(message: str, code: int) -> dict[str, object]:
+    return {"exit_status": EXIT_STATUS[code], "exit_code": code, "verdict": "bad", "reasons": [message]}
+
+
 def _fail(message: str, code: int) -> int:
     if "--json" in sys.argv[1:]:
-        print_json({"exit_status": EXIT_STATUS[code], "exit_code": code, "verdict": "bad", "reasons": [message]})
+        print_json(_refusal(message, code))
     print(f"rig: {message}", file=sys.stderr)
     return code

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from planners.drives.motor import TOLERANCE, Verdict, check
 from planners.laws import LAWS
-from rig.cli.output import out, print_json
+from rig.cli.output import out, print_json, wide
 from rig.errors import REFUSED, ConfigError
 from rig.motors import EXAMPLES, MotorTask, example_tables, file_tables, task_of
 
@@ -185,7 +185,7 @@ def _print(task: MotorTask, v: Verdict) -> None:
         style = "red" if margin < -TOLERANCE else ""
         source = [_figure(figure, number)] if task.has_figures else []
         view.add_row(title, f"{number:.6g} {unit}", at, *room, *source, style=style)
-    out.print(view)
+    wide.print(view)
     d = task.drivetrain
     out.print(f"at the motor's shaft: inertia {d.inertia_kg_m2:.6g} kg m², friction {d.friction_n_m_s_rad:.6g} N m s/rad")
     if printed.reason:

@@ -17,6 +17,7 @@ from rig.analysis.summary import QUANTITIES, LinkSummary, Quantities, Summary
 from rig.errors import ConfigError
 
 out = Console(highlight=False, soft_wrap=True, markup=False)
+wide = Console(width=140, highlight=False, markup=False)  # for tables that a narrower terminal may wrap, not cut
 err = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
 
 COLOUR = {"good": "green", "doubtful": "yellow", "bad": "red"}

@@ -16,7 +16,7 @@ from rig import config, experiment
 from rig.analysis.analyze import Analysis
 from rig.analysis.summary import Summary
 from rig.cli.output import err, out, print_json, print_summary
-from rig.errors import STOPPED, Stopped
+from rig.errors import STOPPED, ConfigError, Stopped
 from rig.job import Job, plan_move
 from rig.operator import Operator
 from rig.runs import LOG
@@ -38,6 +38,8 @@ def run(
     changes = [*(overrides or []), *([f"experiment.seed={seed}"] if seed is not None else [])]
     planners = [one.strip() for one in planner.split(",") if one.strip()] if planner else [None]
     chosen = [config.load(name, [*changes, *([f"experiment.planner={one}"] if one else [])]) for one in planners]
+    if planner and chosen[0].move.waypoints:
+        raise ConfigError(f"--planner {planner} with [move] waypoints; the points are passed by [move] spline: leave it out")
     for experiment_file in chosen:  # all must be plannable before the first one moves
         plan_move(experiment_file)
     summaries: list[Summary] = []

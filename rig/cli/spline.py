@@ -10,7 +10,6 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from planners.errors import unknown_name
@@ -23,7 +22,8 @@ from planners.splines.blends import parabolic_blends
 from planners.splines.limits import OF_ORDER, AxisLimits
 from planners.splines.minimum_time import SHAPES, minimum_time
 from planners.trajectory import Trajectory
-from rig.cli.output import err, out, print_json
+from rig import picture_file
+from rig.cli.output import check_folder, out, print_json, wide, working
 from rig.errors import REFUSED, ConfigError
 from rig.waypoints import AXES, Waypoints, read_waypoints
 
@@ -35,12 +35,14 @@ STEPS = {  # what the rows of a table leave out
     "C1": ", its acceleration steps, at an end perhaps: a jerk without bound",
 }
 SAMPLE_S = 0.01
+MOST_ROWS = 1_000_000
+SLOW_POINTS = 10  # a search through fewer takes no two seconds
+MOST_SEARCHED = {"cubic": 80, "four_three_four": 80, "b_spline_4": 25, "b_spline_5": 25}  # half a minute
 MOST_INTERVALS = 12  # told one by one
 ROUNDING = 1e-9  # of a sample
 NOTHING = 1e-12  # of a peak: rounding, shown as 0
 SMOOTHEST = 4  # highest continuous derivative that is looked for
 UNITS = ("m", "m/s", "m/s²", "m/s³")
-wide = Console(width=110, highlight=False, markup=False)  # on a narrower terminal too: lines are wrapped, not cut
 
 
 class Timing(NamedTuple):
@@ -90,9 +92,14 @@ def spline(
         position_min_m=-math.inf if position_min is None else position_min,
         position_max_m=math.inf if position_max is None else position_max,
     )
+    for option, path in (("--csv", csv_file), ("--plot", plot)):
+        if path is not None:
+            check_folder(option, path)
+    if plot is not None:
+        picture_file.check(plot)
     points = read_waypoints(file)
     through = _through(kind, limits)
-    with err.status("finding the least time through the points"):
+    with working(f"least time through {len(points.points_m)} points", quiet=len(points.points_m) < SLOW_POINTS):
         timing = _timing(points, kind, allocation, limits, time, retime)
     paths = {axis: _path(through, timing.times_s, row) for axis, row in _rows(points)}
     found = {axis: analyse(path, timing.times_s, limits) for axis, path in paths.items()}
@@ -100,8 +107,7 @@ def spline(
     if csv_file is not None:
         _write_csv(paths, csv_file)
     if plot is not None:
-        from rig import picture_file  # matplotlib takes its time
-        from rig.law_figures import draw_motion
+        from rig.law_figures import draw_motion  # matplotlib takes its time
 
         title = f"{kind} through {timing.times_s.size} points in {timing.times_s[-1]:.6g} s, {timing.how}"
         picture_file.save(draw_motion(paths, timing.times_s, limits, title), plot)
@@ -143,6 +149,11 @@ def _timing(points: Waypoints, kind: str, allocation: str, limits: AxisLimits, t
         raise ConfigError(f"the points have no times for --kind {kind}; must have t_s in the file, or --time{other}: give one")
     shares = _from_zero(allocate(points.points_m, 1.0, ALLOCATIONS[start]))
     searched = kind in SHAPES and shares.size > 2
+    if searched and shares.size > MOST_SEARCHED[kind]:
+        raise ConfigError(
+            f"the least time through {shares.size} points by --kind {kind}; must be <= {MOST_SEARCHED[kind]} points, as the "
+            "search takes minutes beyond: give --time, or take cubic or four_three_four"
+        )
     least = minimum_time(kind, points.points_m, limits, starts=(start,)) if searched else None
     moving = [row for row in points.points_m.T if np.ptp(row)]
     allocated_s = max((within_limits(SPLINES[kind](shares, row), **bounds).duration_s for row in moving), default=1.0)
@@ -245,6 +256,8 @@ def _tell(kind: str, points: Waypoints, timing: Timing, paths: dict[str, Traject
 
 def _write_csv(paths: dict[str, Trajectory], file: Path) -> None:
     end = max(path.duration_s for path in paths.values())
+    if end > MOST_ROWS * SAMPLE_S:
+        raise ConfigError(f"--csv of {end:g} s every {SAMPLE_S:g} s; must be <= {MOST_ROWS} rows: give a shorter --time")
     t = np.minimum(SAMPLE_S * np.arange(math.ceil(end / SAMPLE_S - ROUNDING) + 1), end)
     head = [f"{axis}_{unit}" for axis in paths for unit in ("m", "m_s", "m_s2", "m_s3")]
     columns = np.column_stack([t, *(path.at(t, order) for path in paths.values() for order in range(4))])
