@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from planners.errors import PlanError, unknown_name
-from planners.laws import LAWS
+from planners.laws import LAWS, bounds
 from planners.laws.fourier import FREUDENSTEIN_1_3, FREUDENSTEIN_1_3_5, GUTMAN_1_3
 from planners.pieces import FloatArray
 from planners.spectrum import spectrum_by_cycles
@@ -75,11 +75,13 @@ SPECTRA: dict[str, Callable[[ArrayLike], FloatArray]] = {
 def law_spectrum(name: str, cycles: ArrayLike, *, distance_m: float = 1.0, duration_s: float = 1.0) -> FloatArray:
     """V'(Omega) [m/s] of a law by name, any shape: its closed form, or the transform of its trajectory where it has none.
 
-    Raises PlanError for an unknown law or a duration that is not finite and > 0.
+    Raises PlanError for an unknown law, cycles that are no numbers, and a distance or duration out of bounds.
     """
     if name not in LAWS:
         raise unknown_name("law", name, LAWS)
-    if not 0.0 < duration_s < math.inf:
-        raise PlanError(f"duration_s = {duration_s} of a law; must be finite and > 0: give it more time")
+    bounds.duration(duration_s)
+    bounds.distance(distance_m)
+    for value in np.extract(~np.isfinite(cycles), cycles)[:1]:
+        raise PlanError(f"cycles = {value} of a spectrum; must be finite: mend the frequencies")
     unit = SPECTRA[name](cycles) if name in SPECTRA else spectrum_by_cycles(LAWS[name](1.0), cycles)
     return np.asarray(abs(distance_m) / duration_s * unit)

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
 from math import comb
 
 import numpy as np
 
-from planners.errors import PlanError
+from planners.errors import PlanError, check_range
 from planners.laws import bounds
-from planners.pieces import ExpPolynomial, FloatArray, Mode, Number, Piece, Smooth
+from planners.pieces import ExpPolynomial, FloatArray, Mode, Number, Piece, Smooth, add_closed, polynomial
 from planners.trajectory import JUMP, Trajectory
 
 HIGHEST_ORDER = 8  # derivatives of a composition
@@ -20,8 +20,10 @@ SLIVER = 1e-12  # of the duration; instants closer than this are one
 
 def translated(trajectory: Trajectory, distance_m: float = 0.0, delay_s: float = 0.0) -> Trajectory:
     """The same move distance_m further and delay_s >= 0 later; it stands at its start until then."""
-    if not 0.0 <= delay_s < math.inf:
-        raise PlanError(f"delay_s = {delay_s}; must be >= 0 and finite: a motion cannot begin before it is asked for")
+    if delay_s:
+        check_range(
+            "delay_s", delay_s, bounds.SHORTEST_S, bounds.LONGEST_S, "take 0 or more, as no motion begins before its start"
+        )
     moved = trajectory.shifted(bounds.distance(distance_m))
     return Trajectory.hold(float(moved.at(0.0)), delay_s).then(moved) if delay_s else moved
 
@@ -35,9 +37,9 @@ def reversed_in_time(trajectory: Trajectory) -> Trajectory:
 
 
 def stretched(trajectory: Trajectory, factor: float) -> Trajectory:
-    """q(t / factor): factor > 0 times as long, derivatives of order k divided by factor^k."""
-    if not 0.0 < factor < math.inf:
-        raise PlanError(f"factor = {factor} of a stretch in time; must be > 0 and finite: reverse with reversed_in_time")
+    """q(t / factor): factor times as long, 1e-9 to 1e9 s, derivatives of order k divided by factor^k. PlanError otherwise."""
+    shortest, longest = bounds.SHORTEST_S / trajectory.duration_s, bounds.LONGEST_S / trajectory.duration_s
+    check_range("factor", factor, shortest * (1.0 - SLIVER), longest * (1.0 + SLIVER), "reverse with reversed_in_time")
     return Trajectory(tuple(_stretched(piece, factor) for piece in trajectory.pieces))
 
 
@@ -59,7 +61,7 @@ def within_limits(
 ) -> Trajectory:
     """The same path in the shortest time that keeps the limits: one of them is met (kinematic scaling, source 000).
 
-    A motion that stands still stays as it is. Raises PlanError for a limit that is not > 0, when none is finite, and for a
+    A motion that stands still stays as it is. Raises PlanError for a limit out of bounds, when none is finite, and for a
     limit that stretching cannot keep: of the acceleration when the speed has a step, of the jerk when the acceleration has.
     """
     limits = {"speed_m_s": speed_m_s, "acceleration_m_s2": acceleration_m_s2, "jerk_m_s3": jerk_m_s3}
@@ -145,19 +147,27 @@ def _when(sigma: Trajectory, t_s: float) -> float:
 
 def _composed(trajectory: Trajectory, sigma: Trajectory, start_s: float, end_s: float) -> Smooth:
     """The part of start_s..end_s, in which neither has a joint."""
-    clock, begin_s = _piece_at(sigma, (start_s + end_s) / 2)
+    whole, begin_s = _piece_at(sigma, (start_s + end_s) / 2)
+    clock = whole.window(start_s - begin_s, end_s - start_s)
     path, offset_s = _piece_at(trajectory, float(sigma.at((start_s + end_s) / 2)))
+    since = _since(clock, offset_s)
 
     def position(t: FloatArray, order: int) -> FloatArray:
-        local = np.clip(t + (start_s - begin_s), 0.0, clock.duration_s)
-        place = np.clip(clock.at(local) - offset_s, 0.0, path.duration_s)
+        place = np.clip(since(t), 0.0, path.duration_s)
         if order == 0:
             return path.at(place)
-        rates = [clock.at(local, k) for k in range(1, order + 1)]
+        rates = [clock.at(t, k) for k in range(1, order + 1)]
         return np.asarray(sum(path.at(place, k) * _bell(order, k, rates) for k in range(1, order + 1)))
 
     highest = min([HIGHEST_ORDER, *(piece.highest_order for piece in (clock, path) if isinstance(piece, Smooth))])
     return Smooth(end_s - start_s, position, highest)
+
+
+def _since(clock: Piece, offset_s: float) -> Callable[[FloatArray], FloatArray]:
+    """What the clock shows beyond offset_s; a closed form is moved first, as a difference of long times has no digits left."""
+    if isinstance(clock, Smooth):
+        return lambda t: clock.at(t) - offset_s
+    return add_closed(clock, polynomial(clock.duration_s, (-offset_s,))).at
 
 
 def _piece_at(trajectory: Trajectory, t_s: float) -> tuple[Piece, float]:

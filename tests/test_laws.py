@@ -112,9 +112,9 @@ def test_a_move_of_any_size_and_sign_is_a_scaled_law(name, distance_m):
 
 
 @every_law
-@pytest.mark.parametrize("duration_s", [0.0, -1.0, math.nan, math.inf])
+@pytest.mark.parametrize("duration_s", [0.0, -1.0, math.nan, math.inf, 1e-300, 1e100])
 def test_a_law_refuses_a_time_that_is_none(name, duration_s):
-    with pytest.raises(PlanError, match=r"duration_s = .* must be finite and > 0"):
+    with pytest.raises(PlanError, match=r"duration_s = .* must be 1e-09 to 1e\+09"):
         LAWS[name](duration_s)
 
 
@@ -157,7 +157,7 @@ def test_at_the_minimum_time_one_limit_is_met_and_none_exceeded(name):
     ("limits", "words"),
     [
         ({}, "one at least must be finite"),
-        ({"speed_m_s": 0.0}, "speed_m_s = 0.0 of a law; must be > 0"),
+        ({"speed_m_s": 0.0}, "speed_m_s = 0.0; must be 1e-09 to"),
         ({"acceleration_m_s2": math.nan}, "acceleration_m_s2 = nan"),
         ({"jerk_m_s3": 5.0}, "harmonic of class C1; it must be C2"),
     ],
@@ -232,7 +232,7 @@ def test_rest_to_rest_refuses_what_rounding_would_spoil(n):
 
 @pytest.mark.parametrize("state", [[], [math.nan], [0.0, math.inf]])
 def test_between_refuses_a_state_that_is_none(state):
-    with pytest.raises(PlanError, match=r"end = .* must hold finite numbers"):
+    with pytest.raises(PlanError, match=r"end = .* must hold 1 to 8 numbers|end\[\d\] = .* must be -1e\+12 to 1e\+12"):
         between([0.0], state, 1.0)
 
 
@@ -273,8 +273,8 @@ def test_conditions_at_two_ends_are_the_two_point_polynomial():
         ([(0, 0, 0), (1, 3, 0)], r"q\^\(3\)\(1 s\) among 2; its order must be 0 to 1"),
         ([(0, 1, 0), (1, 1, 0)], "0 conditions on derivatives 0 to 0 of 2; must be >= 1"),
         ([(0, 0, 0), (0, 1, 0)], "conditions at 1 times; must be >= 2"),
-        ([], "conditions at 0 times"),
-        ([(0, 0, 0), (math.nan, 0, 0)], "time and value must be finite"),
+        ([], "number of conditions = 0; must be 2 to 32"),
+        ([(0, 0, 0), (math.nan, 0, 0)], "= nan; must be -1e"),
     ],
 )
 def test_conditions_without_a_unique_answer_are_refused_by_name(rows, words):
@@ -284,7 +284,7 @@ def test_conditions_without_a_unique_answer_are_refused_by_name(rows, words):
 
 def test_too_many_conditions_for_plain_powers_are_refused_not_answered_wrongly():
     many = clash_of([(t, 0, (-1.0) ** k) for k, t in enumerate(np.linspace(0.0, 1.0, 40))])
-    with pytest.raises(PlanError, match=r"degree 39|clash"):
+    with pytest.raises(PlanError, match="number of conditions = 40; must be 2 to 32"):
         hermite_birkhoff(many)
 
 
@@ -329,7 +329,7 @@ def test_an_ellipse_with_equal_axes_is_the_harmonic_law():
     t = np.linspace(0.0, 2.0, 21)
     for order in range(6):
         np.testing.assert_allclose(elliptic(2.0, axis_ratio=1.0).at(t, order), harmonic(2.0).at(t, order), atol=1e-11)
-    with pytest.raises(PlanError, match=r"axis_ratio = 0\.9 .* must be 1 to 100"):
+    with pytest.raises(PlanError, match=r"axis_ratio = 0\.9; must be 1 to 12"):
         elliptic(1.0, axis_ratio=0.9)
 
 
@@ -392,7 +392,7 @@ def test_at_the_least_acceleration_the_trapezoid_is_a_triangle():
         (lambda: trapezoidal_by_speed(1.0, 1.0, 2.1), "must be > 1 and <= 2"),
         (lambda: trapezoidal_by_speed(1.0, 1.0, 1.0), "must be > 1 and <= 2"),
         (lambda: trapezoidal(1.0, alpha=0.51), r"alpha = 0\.51"),
-        (lambda: trapezoidal_within(1.0, -1.0, 1.0), r"speed_m_s = -1\.0 of a law; must be > 0"),
+        (lambda: trapezoidal_within(1.0, -1.0, 1.0), r"speed_m_s = -1\.0; must be 1e-09 to"),
         (lambda: trapezoidal_within(1.0, 1.0, math.inf), "acceleration_m_s2 = inf"),
         (lambda: trapezoidal_within(math.nan, 1.0, 1.0), "distance_m = nan"),
         (lambda: RectCascade(1.0, (0.0, 0.0)), "times_s of sum 0"),
@@ -594,3 +594,49 @@ def ruckig_answer(ruckig, h, limits, ends):
     problem.max_velocity, problem.max_acceleration, problem.max_jerk = ([limit] for limit in limits)
     ruckig.Ruckig(1).calculate(problem, answer)
     return answer
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: quintic(1e100),
+        lambda: between((0.0, 1.0), (1.0, 0.0), 1e200),
+        lambda: between((0.0,) * 40, (1.0,), 1e-9),
+        lambda: trapezoidal_by_acceleration(1.0, 1e-200, 1.0),
+        lambda: RectCascade(1.0, (1e-300, 1e-300)),
+        lambda: RectCascade.within(1e-300, (1.0, 1.0, 1.0, 1.0)),
+        lambda: RectCascade.within(1e9, (1e-9,)),
+        lambda: double_s_within(1e-300, 1.0, 1.0, 1.0),
+        lambda: double_s_within(1.0, 1.0, 1e200, 1.0),
+        lambda: double_s_within(0.0, 1.0, 1.0, 1.0, start_speed_m_s=0.5, end_speed_m_s=0.5),
+        lambda: hermite_birkhoff([Condition(0.0, 0, 0.0), Condition(1e-320, 0, 1.0)]),
+        lambda: hermite_birkhoff([Condition(0.0, 0, 0.0), Condition(1e200, 0, 1.0)]),
+        lambda: minimum_time_s("cubic", 1.0, speed_m_s=1e-300),
+        lambda: double_s(1.0, beta=1e-300),
+    ],
+)
+def test_numbers_beyond_all_machines_are_refused_by_name(make):
+    with pytest.raises(PlanError, match=r" = .*; must "):
+        make()
+
+
+@every_law
+@pytest.mark.parametrize("duration_s", [1e-9, 1e9])
+def test_a_law_keeps_its_form_at_the_shortest_and_the_longest_time(name, duration_s):
+    law, row = LAWS[name](duration_s), coefficients(name)
+    assert law.peak(1).value * duration_s == pytest.approx(row.cv)
+    assert law.peak(2).value * duration_s**2 == pytest.approx(row.ca)
+
+
+@pytest.mark.parametrize("h", [1e-30, 1e-17, 1e9])
+@pytest.mark.parametrize("size", [1.0, 1e12])
+def test_moves_under_limits_end_in_place_at_the_bounds_of_distance_and_limit(h, size):
+    for move in (RectCascade.within(h, (size,) * 4), double_s_within(h, size, size, size)):
+        assert move.trajectory().at(math.inf) == pytest.approx(h, rel=1e-9)
+
+
+def test_the_longest_ellipse_can_be_analysed_and_a_longer_one_is_refused():
+    assert elliptic(1.0, 12.0).peak(1).value == pytest.approx(6.0 * math.pi)
+    assert math.isfinite(elliptic(1.0, 12.0).rms(3))
+    with pytest.raises(PlanError, match=r"axis_ratio = 12\.1; must be 1 to 12"):
+        elliptic(1.0, 12.1)

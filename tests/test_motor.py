@@ -182,15 +182,32 @@ def test_a_step_in_speed_is_refused_and_a_start_at_speed_is_not():
 
 
 def test_motors_and_drivetrains_that_are_none_are_refused():
-    with pytest.raises(PlanError, match=r"max_speed_rad_s = 0\.0 of a motor; must be > 0"):
+    with pytest.raises(PlanError, match=r"max_speed_rad_s = 0\.0; must be 1e-12 to"):
         Motor(continuous_torque_n_m=1.0, peak_torque_n_m=2.0, max_speed_rad_s=0.0)
     with pytest.raises(PlanError, match=r"continuous_torque_n_m = 3\.0; must be <= peak_torque_n_m = 2\.0"):
         Motor(continuous_torque_n_m=3.0, peak_torque_n_m=2.0, max_speed_rad_s=1.0)
-    with pytest.raises(PlanError, match=r"gear_ratio = 0\.0 of a drivetrain; must be finite and > 0"):
+    with pytest.raises(PlanError, match=r"gear_ratio = 0\.0; must be 1e-12 to"):
         Drivetrain(motor_inertia_kg_m2=1.0, gear_ratio=0.0)
-    with pytest.raises(PlanError, match=r"load_inertia_kg_m2 = -1\.0 of a drivetrain; must be finite and >= 0"):
+    with pytest.raises(PlanError, match=r"load_inertia_kg_m2 = -1\.0; must be 1e-12 to"):
         Drivetrain(motor_inertia_kg_m2=1.0, load_inertia_kg_m2=-1.0)
     with pytest.raises(PlanError, match="inertia_kg_m2 = 0 of a drivetrain"):
         Drivetrain(motor_inertia_kg_m2=0.0)
     with pytest.raises(PlanError, match=r"rest_s = nan"):
         check(MOTOR, SHAFT, TASKS["cycloidal"], rest_s=math.nan)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: Drivetrain(motor_inertia_kg_m2=1.0, gear_ratio=1e-200), "gear_ratio = 1e-200; must be 1e-12 to"),
+        (
+            lambda: Motor(continuous_torque_n_m=1.0, peak_torque_n_m=2.0, max_speed_rad_s=math.inf),
+            "max_speed_rad_s = inf; must be 1e-12 to",
+        ),
+        (lambda: MOTOR.outline(math.nan), "torque_n_m = nan; must be"),
+        (lambda: check(MOTOR, SHAFT, TASKS["cycloidal"].scaled(1e300)), r"position = .*e\+\d+; must be -1e\+09 to"),
+    ],
+)
+def test_numbers_beyond_all_machines_are_refused_by_name(call, words):
+    with pytest.raises(PlanError, match=words):
+        call()

@@ -18,6 +18,7 @@ from planners.laws.polynomial import between, quintic
 from planners.laws.rect_cascade import RectCascade
 from planners.operations import composed, normalised, reversed_in_time, stretched, translated, within_limits
 from planners.pieces import ExpPolynomial, Mode, Smooth, polynomial
+from planners.splines.cubic import clamped
 from planners.trajectory import Trajectory
 
 DAMPED = Trajectory(
@@ -202,7 +203,11 @@ def test_a_smooth_clock_s_own_derivatives_bound_those_of_the_composition():
 @pytest.mark.parametrize(
     ("act", "words"),
     [
-        (lambda: stretched(harmonic(1.0), 0.0), r"factor = 0\.0 of a stretch"),
+        (lambda: stretched(harmonic(1.0), 0.0), r"factor = 0\.0; must be 1e-09 to 1e\+09"),
+        (lambda: stretched(harmonic(1.0), 1e200), r"factor = 1e\+200; must be"),
+        (lambda: translated(harmonic(1.0), 1e300), r"distance_m = 1e\+300; must be"),
+        (lambda: translated(harmonic(1.0), delay_s=1e-300), "delay_s = 1e-300; must be"),
+        (lambda: within_limits(harmonic(1.0), speed_m_s=1e-300), "speed_m_s = 1e-300; must be"),
         (lambda: stretched(harmonic(1.0), -1.0), "reverse with reversed_in_time"),
         (lambda: translated(harmonic(1.0), delay_s=-0.1), r"delay_s = -0\.1"),
         (lambda: translated(harmonic(1.0), math.inf), "distance_m = inf"),
@@ -217,3 +222,14 @@ def test_a_smooth_clock_s_own_derivatives_bound_those_of_the_composition():
 def test_operations_refuse_what_they_cannot_do(act, words):
     with pytest.raises(PlanError, match=words):
         act()
+
+
+def test_a_long_path_on_a_long_clock_has_the_derivatives_of_the_chain_rule():
+    path, clock = clamped(np.arange(50.0), np.random.default_rng(1).uniform(-1.0, 1.0, 50)), quintic(75.0).scaled(49.0)
+    move, t = composed(path, clock), np.linspace(0.05, 74.95, 3001)
+    place, speed = clock.at(t), clock.at(t, 1)
+    bend = path.at(place, 2) * speed**2 + path.at(place, 1) * clock.at(t, 2)
+    assert np.allclose(move.at(t, 1), path.at(place, 1) * speed, rtol=0.0, atol=1e-10)
+    assert np.allclose(move.at(t, 2), bend, rtol=0.0, atol=1e-9)
+    assert move.peak(1).value >= np.abs(move.at(t, 1)).max() - 1e-12
+    assert move.peak(1).value == pytest.approx(np.abs(move.at(t, 1)).max(), rel=1e-3)

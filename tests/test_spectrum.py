@@ -164,8 +164,11 @@ def test_a_rate_that_is_no_number_or_outgrows_all_numbers_is_refused():
 def test_unknown_laws_durations_and_shares_are_refused():
     with pytest.raises(PlanError, match="did you mean 'quintic'"):
         law_spectrum("quintc", 1.0)
-    with pytest.raises(PlanError, match=r"duration_s = 0\.0 of a law; must be finite and > 0"):
+    with pytest.raises(PlanError, match=r"duration_s = 0\.0; must be 1e-09 to"):
         law_spectrum("quintic", 1.0, duration_s=0.0)
+    for bad in ([math.nan], [1.0, math.inf], math.nan):
+        with pytest.raises(PlanError, match=r"cycles = (nan|inf) of a spectrum; must be finite"):
+            law_spectrum("cubic", bad)
     with pytest.raises(PlanError, match=r"sum to 1\.1; must sum to 1"):
         rect_spectrum((0.5, 0.6), 1.0)
 

@@ -17,7 +17,7 @@ from scipy.interpolate import BarycentricInterpolator, CubicSpline, make_interp_
 from scipy.optimize import brute
 
 from planners.cells import Polynomials
-from planners.errors import Infeasible, PlanError
+from planners.errors import Infeasible, NotConverged, PlanError
 from planners.motion import Motion
 from planners.splines import SPLINES
 from planners.splines.allocation import ALLOCATIONS, allocate
@@ -556,8 +556,11 @@ def test_the_splines_are_imported_without_scipy():
         ([0, 2, 1, 3], [0, 1, 2, 0], r"times_s\[2\] = 1 goes back after 2; must increase"),
         ([0, 1, 1 + 1e-12, 2], [0, 1, 2, 0], r"the interval after times_s\[1\] lasts 1e-12 s of 2 s; must be >= 1e-09 of it"),
         ([0, 1, 2], [0, 1], r"shape \(3,\), points_m \(2,\)"),
-        ([0, 1, math.nan], [0, 1, 0], "not finite"),
-        ([0, 1, 2], [0, math.inf, 0], "not finite"),
+        ([0, 1, math.nan], [0, 1, 0], "times_s = nan; must be -1e"),
+        ([0, 1e200, 2e200], [0, 1, 0], r"times_s = 1e\+200; must be"),
+        ([0, 1e-320, 2e-320], [0, 1, 0], "duration_s = .* must be 1e-09 to"),
+        ([0, 1, 2], [0, 1e300, 0], r"points_m = 1e\+300; must be"),
+        ([0, 1, 2], [0, math.inf, 0], "points_m = inf; must be -1e"),
         ([0], [0], "1 points; must be >= "),
         ([], [], "0 points; must be >= "),
     ],
@@ -571,29 +574,36 @@ def test_bad_points_are_refused_by_every_law(law, t, q, message):
     ("call", "message"),
     [
         (lambda: four_three_four([0, 1], [0, 1]), "4-3-4 spline: 2 points; must be >= 3"),
-        (lambda: four_three_four([0, 1, 2], [0, 1, 2], End(math.nan)), "end condition is not finite"),
+        (lambda: four_three_four([0, 1, 2], [0, 1, 2], End(math.nan)), "a number of ends = nan; must be"),
         (lambda: b_spline([0, 1, 2], [0, 1, 2], 3), "degree = 3 of a B-spline; must be 4 or 5"),
         (lambda: periodic([0, 1, 2], [0, 1, 2]), "the last point is 2 m, the first 0 m; must be equal"),
         (lambda: conditioning(1), "points = 1 of a polynomial; must be >= 2"),
-        (lambda: parabolic_blends([0, 1, 2], [0, 1, 0], 0.0), "acceleration_m_s2 = 0.0 of the blends; must be finite and > 0"),
+        (lambda: parabolic_blends([0, 1, 2], [0, 1, 0], 0.0), "acceleration_m_s2 = 0.0; must be 1e-09 to"),
         (lambda: parabolic_blends([0, 1, 2], [0, 1, 0], 1.9), ">= 2: give the first interval more time"),
         (lambda: parabolic_blends([0, 1, 2], [0, 1, 0], 2.5), "blends at points 0 and 1 take"),
         (lambda: allocate([0, 1, 1], 3.0, 0.5), "points 1 and 2 are both at 1.0 m, so their interval lasts 0 s"),
         (lambda: allocate([0, 1], 0.0, 0.5), "total_s = 0.0"),
         (lambda: allocate([0, 1], 1.0, -1.0), "power = -1.0"),
+        (lambda: allocate([0, 1, 3], 1.0, 200.0), "power = 200.0; must be 0 to 4"),
+        (lambda: allocate([0, 1e-3, 3], 1.0, 4.0), "the interval between points 0 and 1 gets .* of the time; must be >= 1e-09"),
+        (lambda: allocate([0, 1e300], 1.0, 1.0), r"largest point = 1e\+300; must be"),
+        (lambda: AxisLimits(speed_m_s=1e300), r"speed_m_s = 1e\+300; must be 1e-09 to 1e\+12"),
+        (lambda: AxisLimits(jerk_m_s3=1e-300), "jerk_m_s3 = 1e-300; must be 1e-09 to 1e"),
+        (lambda: minimum_time("cubic", [0, 1e200, 2e200], LIMITS), r"largest point = 2e\+200; must be"),
+        (lambda: minimum_time("cubic", [0, 1e-200, 2e-200], LIMITS), "first point = 2e-200; must be 1e-12 to"),
         (lambda: allocate([0], 1.0, 0.0), r"shape \(1,\)"),
-        (lambda: AxisLimits(speed_m_s=0.0), "speed_m_s = 0.0 in limits; must be > 0"),
+        (lambda: AxisLimits(speed_m_s=0.0), "speed_m_s = 0.0; must be 1e-09 to"),
         (lambda: AxisLimits(position_min_m=1.0, position_max_m=0.0), "position_min_m = 1.0, position_max_m = 0.0"),
         (lambda: analyse(natural([0, 1], [0, 1]), [1.0, 2.0]), "increasing from 0"),
         (lambda: chain([]), "0 segments"),
-        (lambda: dwell(0.0, 0.0), "duration_s=0.0"),
+        (lambda: dwell(0.0, 0.0), "duration_s = 0.0; must be 1e-09 to"),
         (
             lambda: chain([dwell(0.0, 1.0), Straight(0.0, 1.0, 2.0)]),
             "speed steps from 0 m/s in segment 0 to 0.5 m/s in segment 1",
         ),
         (lambda: chain([dwell(0.0, 1.0), dwell(0.5, 1.0)]), "segment 0 ends at 0.0 m, segment 1 begins at 0.5 m; must meet"),
         (lambda: chain([Spline([0, 1, 2], [1.0])]), "segment 0 has 3 points and 1 durations; must be 2"),
-        (lambda: chain([Spline([0, 1, 2], [1.0, 0.0])]), r"durations_s\[1\] = 0.0 in segment 0"),
+        (lambda: chain([Spline([0, 1, 2], [1.0, 0.0])]), r"durations_s\[1\] in segment 0 = 0.0; must be"),
         (lambda: chain([Spline([0, 1, 2], [1.0, 1.0], law="cubik")]), "law of segment 0 = 'cubik'"),
         (lambda: minimum_time("cubik", [0, 1, 2], LIMITS), "law of a minimum time = 'cubik'; did you mean 'cubic'"),
         (
@@ -617,3 +627,27 @@ def test_limits_that_cannot_be_met_are_infeasible():
         minimum_time("cubic", [0, 1, 2], AxisLimits(jerk_m_s3=9.0))
     with pytest.raises(Infeasible):
         parabolic_blends([0, 1, 2], [0, 1, 0], 1.9)
+
+
+@pytest.mark.parametrize("n", [50, 70])
+def test_a_polynomial_that_misses_its_points_is_refused(n):
+    q = np.random.default_rng(0).uniform(-1.0, 1.0, n)
+    with pytest.raises(NotConverged, match=f"through {n} points misses one by .* must be <= .* take a spline"):
+        n_point(np.arange(float(n)), q)
+
+
+@pytest.mark.parametrize("law", SPLINES)
+@pytest.mark.parametrize(("time", "size"), [(1e-9, 1e9), (1e9, 1e9), (1e-9, 1e-12), (1e9, 1e-12)])
+def test_a_spline_keeps_its_shape_at_the_shortest_and_longest_times_and_ways(law, time, size):
+    t, q = np.linspace(0.0, 1.0, 5), np.array([0.0, 1.0, -0.5, 0.7, 0.0])
+    unit, move = SPLINES[law](t, q), SPLINES[law](time * t, size * q)
+    for order in (0, 1, 2):
+        assert move.peak(order).value == pytest.approx(unit.peak(order).value * size / time**order, rel=1e-6)
+
+
+@pytest.mark.parametrize("law", SHAPES)
+@pytest.mark.parametrize(("way", "bound"), [(1e-12, 1e12), (1e-12, 1e-9), (1e9, 1e12), (1e9, 1e-9)])
+def test_the_least_time_grows_with_the_root_of_way_over_acceleration_up_to_the_bounds(law, way, bound):
+    unit = minimum_time(law, [0.0, 1.0, 0.5], AxisLimits(acceleration_m_s2=1.0), samples=4).times_s[-1]
+    found = minimum_time(law, [0.0, way, way / 2.0], AxisLimits(acceleration_m_s2=bound), samples=4).times_s[-1]
+    assert found == pytest.approx(unit * math.sqrt(way / bound), rel=1e-6)

@@ -14,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from planners.driven import Term
-from planners.errors import PlanError
+from planners.errors import PlanError, check_range
+from planners.laws import bounds
 from planners.pieces import FloatArray, Mode, Piece, Smooth, add
 from planners.spectrum import speed_steps
 from planners.trajectory import JUMP, Peak, Trajectory
@@ -27,7 +28,7 @@ class Motor:
     """The catalogue's data, which are the two regions of the torque-speed plane, alike for all four signs.
 
     Intermittent: |torque| <= peak, |speed| <= max, |torque x speed| <= peak power; continuous: the same below the continuous
-    torque. Raises PlanError for a limit that is not > 0, or a continuous torque above the peak.
+    torque. Raises PlanError for a limit that is not 1e-12 to 1e12 (a power may be inf), or a continuous torque above the peak.
     """
 
     continuous_torque_n_m: float
@@ -38,8 +39,8 @@ class Motor:
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
-            if not value > 0.0:
-                raise PlanError(f"{field.name} = {value} of a motor; must be > 0: read the catalogue")
+            if field.name != "peak_power_w" or value != math.inf:
+                bounds.datum(field.name, value)
         if self.continuous_torque_n_m > self.peak_torque_n_m:
             raise PlanError(
                 f"continuous_torque_n_m = {self.continuous_torque_n_m}; must be <= peak_torque_n_m = {self.peak_torque_n_m}: "
@@ -51,6 +52,7 @@ class Motor:
 
         Give continuous_torque_n_m or peak_torque_n_m. Mirror it for the other signs.
         """
+        bounds.datum("torque_n_m", torque_n_m)
         speed = np.linspace(0.0, self.max_speed_rad_s, points)
         by_power = np.divide(self.peak_power_w, speed, out=np.full(points, math.inf), where=speed > 0.0)
         return speed, np.minimum(torque_n_m, by_power)
@@ -60,7 +62,7 @@ class Motor:
 class Drivetrain:
     """Motor, gear and load. The trajectory is the load's: in rad, or in m rolled off a radius [m/rad] (a screw: lead / 2 pi).
 
-    Raises PlanError for negative inertia or friction, no inertia at all, or a ratio or radius that is not finite and > 0.
+    Raises PlanError for numbers that are not 1e-12 to 1e12 (inertia and friction may be 0), and for no inertia at all.
     """
 
     motor_inertia_kg_m2: float
@@ -72,11 +74,7 @@ class Drivetrain:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            value, positive = getattr(self, field.name), field.name in ("gear_ratio", "radius_m")
-            if not 0.0 <= value < math.inf or (positive and value == 0.0):
-                raise PlanError(
-                    f"{field.name} = {value} of a drivetrain; must be finite and {'>' if positive else '>='} 0: measure it"
-                )
+            bounds.datum(field.name, getattr(self, field.name), zero=field.name not in ("gear_ratio", "radius_m"))
         if not self.inertia_kg_m2 > 0.0:
             raise PlanError("inertia_kg_m2 = 0 of a drivetrain; must be > 0: the motor's rotor has some")
 
@@ -92,6 +90,9 @@ class Drivetrain:
 
     def shaft(self, trajectory: Trajectory) -> Trajectory:
         """Angle of the motor's shaft [rad]. Raises PlanError for a step in speed within the motion: no torque makes it."""
+        bounds.duration(trajectory.duration_s)
+        for place in trajectory.at(trajectory.breaks_s).tolist():
+            check_range("position", place, -bounds.FARTHEST_M, bounds.FARTHEST_M, "scale the motion to rad or m")
         _refuse_speed_steps(trajectory)
         return trajectory.scaled(self.gear_ratio / self.radius_m)
 
@@ -142,10 +143,9 @@ def check(motor: Motor, drivetrain: Drivetrain, trajectory: Trajectory, rest_s: 
     """Whether the motor can repeat the motion with rest_s of standstill after each: peaks for the intermittent region, rms
     torque over motion and rest for the continuous one (source 000, its tau_eff <= tau_c and q'_max <= v_n).
 
-    Raises PlanError for a rest that is not finite and >= 0, and for a step in speed.
+    Raises PlanError for a rest that is not 0 to 1e9 s, a motion out of bounds, and for a step in speed.
     """
-    if not 0.0 <= rest_s < math.inf:
-        raise PlanError(f"rest_s = {rest_s}; must be finite and >= 0: 0 is a motion that begins anew at once")
+    check_range("rest_s", rest_s, 0.0, bounds.LONGEST_S, "0 is a motion that begins anew at once")
     need = effort(drivetrain, trajectory)
     heat = need.rms_torque_n_m**2 * need.duration_s  # integral of torque^2
     cycle = math.sqrt(heat / (need.duration_s + rest_s))

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from planners.errors import NotConverged, PlanError
+from planners.errors import NotConverged, PlanError, check_range
+from planners.laws import bounds
 from planners.pieces import ExpPolynomial, FloatArray, polynomial
 from planners.trajectory import Trajectory
 
+MOST = 32  # conditions; powers of a time are then numbers
 SINGULAR = 1e-12  # smallest by largest singular value of the conditions in scaled time
 RESIDUAL = 1e-9  # largest miss of a condition, as a share of the polynomial's size
 
@@ -64,9 +65,10 @@ def hermite_birkhoff(conditions: Sequence[Condition]) -> Trajectory:
 
 def _check(conditions: Sequence[Condition]) -> None:
     n = len(conditions)
+    check_range("number of conditions", n, 2, MOST, "split the move, or take a spline")
     for c in conditions:
-        if not (math.isfinite(c.t_s) and math.isfinite(c.value)):
-            raise PlanError(f"condition {c} = {c.value}; time and value must be finite: mend or drop it")
+        check_range(f"time of condition {c}", c.t_s, -bounds.LONGEST_S, bounds.LONGEST_S, "mend or drop it")
+        bounds.rate(f"condition {c}", c.value)
         if not 0 <= c.order < n:
             raise PlanError(
                 f"condition {c} among {n}; its order must be 0 to {n - 1}, the degree: add conditions of lower order"
@@ -76,6 +78,7 @@ def _check(conditions: Sequence[Condition]) -> None:
         raise PlanError(f"condition {twice[0]} is given more than once; must be given once: drop one")
     if len({c.t_s for c in conditions}) < 2:
         raise PlanError(f"conditions at {len({c.t_s for c in conditions})} times; must be >= 2: add one at another time")
+    bounds.duration(max(c.t_s for c in conditions) - min(c.t_s for c in conditions))
     for order in range(n):  # Polya: the derivatives below an order alone must fix as many powers
         lower = sum(c.order <= order for c in conditions)
         if lower <= order:

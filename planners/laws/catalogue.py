@@ -59,7 +59,7 @@ def minimum_time_s(
     """The shortest time in which the law goes distance_m within the limits: kinematic scaling (source 000); 0 for 0 m.
 
     T = max(Cv h / v, sqrt(Ca h / a), cbrt(Cj h / j)). Laws with shares keep their defaults. Raises PlanError for an unknown
-    name, a limit that is not > 0, no finite limit, and a jerk limit for a law whose acceleration has a step.
+    name, a limit out of bounds, no finite limit, and a jerk limit for a law whose acceleration has a step.
     """
     row, h = coefficients(name), abs(bounds.distance(distance_m))
     limits = {"speed_m_s": speed_m_s, "acceleration_m_s2": acceleration_m_s2, "jerk_m_s3": jerk_m_s3}

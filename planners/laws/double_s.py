@@ -111,7 +111,7 @@ def double_s_within(
     h, sign = abs(bounds.distance(distance_m)), math.copysign(1.0, distance_m)
     start, end = sign * start_speed_m_s, sign * end_speed_m_s
     for name, value in (("start_speed_m_s", start), ("end_speed_m_s", end)):
-        _check_end(name, sign * value, value, speed_m_s)
+        _check_end(name, sign * value, value, speed_m_s, h)
 
     def ramps(peak: float) -> tuple[Ramp, Ramp, float]:
         up, down = (Ramp.within(peak - v, acceleration_m_s2, jerk_m_s3) for v in (start, end))
@@ -127,18 +127,20 @@ def double_s_within(
     up, down, spare = ramps(speed_m_s)
     if spare >= 0.0:
         return DoubleS(distance_m, start, speed_m_s, jerk_m_s3, up, spare / speed_m_s, down)
-    peak = _root(lambda v: ramps(v)[2], least, speed_m_s) if h else 0.0
+    peak = _root(lambda v: ramps(v)[2], least, speed_m_s)
     up, down, _ = ramps(peak)
     return DoubleS(distance_m, start, peak, jerk_m_s3, up, 0.0, down)
 
 
-def _check_end(name: str, value: float, along: float, speed_m_s: float) -> None:
+def _check_end(name: str, value: float, along: float, speed_m_s: float, h: float) -> None:
     if not along >= 0.0:
         raise PlanError(
             f"{name} = {value} points against the move; must point along it or be 0: brake first, in a move of its own"
         )
     if not along <= speed_m_s:
         raise PlanError(f"{name} = {value} with a limit of {speed_m_s} m/s; its size must be within it: raise the limit")
+    if along and not h:
+        raise PlanError(f"{name} = {value} over 0 m; must be 0, as the move lasts 0 s: leave the move out")
 
 
 def _root(spare: Callable[[float], float], low: float, high: float) -> float:
@@ -147,4 +149,4 @@ def _root(spare: Callable[[float], float], low: float, high: float) -> float:
 
     if spare(low) <= 0.0:
         return low
-    return float(brentq(spare, low, high, xtol=1e-300, rtol=8.9e-16))
+    return float(brentq(spare, low, high, xtol=1e-300, rtol=8.9e-16, maxiter=1000))

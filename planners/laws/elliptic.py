@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from planners.errors import PlanError
+from planners.errors import check_range
 from planners.laws import bounds
 from planners.pieces import FloatArray, Smooth
 from planners.trajectory import Trajectory
@@ -17,19 +17,19 @@ if TYPE_CHECKING:
     from numpy.polynomial import Polynomial
 
 HIGHEST_ORDER = 8
-LONGEST_AXIS = 100.0  # beyond it the law is a step in the middle
+LONGEST_AXIS = 12.0  # up to it speed to snap can be analysed; a longer one is too steep in the middle for its rounding
 
 
 def elliptic(duration_s: float, axis_ratio: float = 1.2) -> Trajectory:
     """(1 - cos y / sqrt(1 - alpha sin^2 y)) / 2, y = pi t / T, alpha = (n^2 - 1) / n^2, from 0 to 1 in T = duration_s.
 
-    axis_ratio is n >= 1 (source 000, which leaves alpha open). Peak speed n pi / 2, acceleration at the ends pi^2 / (2 n^2).
+    axis_ratio is n, 1 to LONGEST_AXIS (source 000, which leaves alpha open). Peak
+    speed n pi / 2, acceleration at the ends pi^2 / (2 n^2).
     """
     from numpy.polynomial import Polynomial
 
     bounds.duration(duration_s)
-    if not 1.0 <= axis_ratio <= LONGEST_AXIS:
-        raise PlanError(f"axis_ratio = {axis_ratio} of the elliptic law; must be 1 to {LONGEST_AXIS:g}: 1 is the harmonic law")
+    check_range("axis_ratio", axis_ratio, 1.0, LONGEST_AXIS, "take a shorter ellipse; 1 is the harmonic law")
     alpha = 1.0 - 1.0 / axis_ratio**2
     cosine = _Term(Polynomial([1.0]), True, 0.5)
     terms = list(accumulate(repeat(alpha, HIGHEST_ORDER), _Term.slope, initial=cosine))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import comb, factorial, isfinite
+from math import comb, factorial
 
 from planners.errors import PlanError
 from planners.laws import bounds
@@ -18,14 +18,15 @@ def between(start: Sequence[float], end: Sequence[float], duration_s: float) -> 
 
     start (m,), end (n,): position [m] and its derivatives [m/s^k], as many as are to be met, at least the position;
     the degree is m + n - 1 (source 000 for 3 and 5). Two-point Taylor expansion: first m powers from the start, the others
-    from (q - those) / x^m expanded about the end. Raises PlanError for an empty or infinite state and a bad duration.
+    from (q - those) / x^m expanded about the end. Raises PlanError for an empty state, numbers out of bounds, and
+    more than SMOOTHEST derivatives at an end.
     """
     bounds.duration(duration_s)
     for name, state in (("start", start), ("end", end)):
-        if not state or not all(map(isfinite, state)):
-            raise PlanError(
-                f"{name} = {tuple(state)}; must hold finite numbers, at least the position: give position, speed, ..."
-            )
+        if not 1 <= len(state) <= SMOOTHEST + 1:
+            raise PlanError(f"{name} = {tuple(state)}; must hold 1 to {SMOOTHEST + 1} numbers: give position, speed, ...")
+        for k, value in enumerate(state):
+            bounds.rate(f"{name}[{k}]", value)
     m, n, origin = len(start), len(end), float(start[0])
     head = [d * duration_s**k / factorial(k) for k, d in enumerate((0.0, *start[1:]))]  # powers of x = t / T
     goal = [d * duration_s**k / factorial(k) for k, d in enumerate((end[0] - origin, *end[1:]))]  # powers of x - 1

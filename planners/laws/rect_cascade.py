@@ -13,11 +13,12 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
 
-from planners.errors import PlanError
+from planners.errors import PlanError, check_range
 from planners.laws import bounds
 from planners.laws.segments import integrated
 from planners.trajectory import Trajectory
 
+SHORTEST_S = 1e-45  # of a rect: the least distance at the highest speed takes 1e-42 s
 LIMITS = ("speed_m_s", "acceleration_m_s2", "jerk_m_s3", "snap_m_s4")
 
 
@@ -25,7 +26,7 @@ LIMITS = ("speed_m_s", "acceleration_m_s2", "jerk_m_s3", "snap_m_s4")
 class RectCascade:
     """A move from rest at 0 to rest at distance_m: lengths of the rects, longest first, a length of 0 for none.
 
-    Raises PlanError unless every number is finite and every length >= 0.
+    Raises PlanError for a distance out of bounds and a length that is neither 0 nor SHORTEST_S to 1e9 s.
     """
 
     distance_m: float
@@ -34,8 +35,8 @@ class RectCascade:
     def __post_init__(self) -> None:
         bounds.distance(self.distance_m)
         for k, time_s in enumerate(self.times_s):
-            if not 0.0 <= time_s < math.inf:
-                raise PlanError(f"times_s[{k}] = {time_s} of a rect cascade; must be finite and >= 0: give the rect's length")
+            if time_s:
+                check_range(f"times_s[{k}]", time_s, SHORTEST_S, bounds.LONGEST_S, "give the rect's length, or 0 for none")
         if self.distance_m and not self.duration_s:
             raise PlanError(f"distance_m = {self.distance_m} in times_s of sum 0; the sum must be > 0: give it time")
 
@@ -71,7 +72,7 @@ class RectCascade:
         """The fastest cascade of len(limits) rects within bounds of |speed|, |acceleration|, ... [m/s^k], inf for none.
 
         A limit that leaves no room for the ones after it is lowered until it just does: cases 1b, 2a and 2b of the
-        double S and the triangular trapezoid are this rule. Raises PlanError for a limit <= 0, for more than
+        double S and the triangular trapezoid are this rule. Raises PlanError for a limit out of bounds, for more than
         LIMITS names, and when none is finite.
         """
         if len(limits) > len(LIMITS):

@@ -25,7 +25,7 @@ def triangular(duration_s: float) -> Trajectory:
 def trapezoidal_within(distance_m: float, speed_m_s: float, acceleration_m_s2: float) -> RectCascade:
     """The fastest move under both limits: triangular when |distance| < speed^2 / acceleration (missing in source 002).
 
-    Any sign of the distance; 0 makes a move of no duration. Raises PlanError for a limit that is not > 0.
+    Any sign of the distance; 0 makes a move of no duration. Raises PlanError for a limit out of bounds.
     """
     if not math.isfinite(acceleration_m_s2):
         raise PlanError(

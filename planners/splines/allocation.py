@@ -2,35 +2,41 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planners.errors import PlanError
+from planners.errors import PlanError, check_range
+from planners.laws import bounds
 from planners.pieces import FloatArray
+from planners.splines.points import SHORTEST
 
 ALLOCATIONS = {"equal": 0.0, "proportional": 1.0, "root": 0.5}  # name -> power of the distance
+STEEPEST = 4.0  # a higher power leaves all but the longest interval without time
 
 
 def allocate(points_m: ArrayLike, total_s: float, power: float) -> FloatArray:
     """Durations (N - 1,) in proportion to |distance|^power between points (N,) or (N, axes); they sum to total_s.
 
     The three of source 003 are in ALLOCATIONS; the root is the best first guess under an acceleration limit.
-    Raises PlanError for repeated points (an interval of no length) unless power is 0.
+    Raises PlanError for numbers out of bounds, and for an interval that gets no time: of equal points, unless power is 0.
     """
     q = np.asarray(points_m, dtype=np.float64)
     if q.ndim not in (1, 2) or q.shape[0] < 2 or not np.isfinite(q).all():
         raise PlanError(f"points_m of shape {q.shape}; must be >= 2 finite points (N,) or (N, axes): mend the table")
-    if not 0.0 < total_s < math.inf:
-        raise PlanError(f"total_s = {total_s} for {q.shape[0]} points; must be finite and > 0: give the motion time")
-    if not 0.0 <= power < math.inf:
-        raise PlanError(f"power = {power} of an allocation; must be finite and >= 0: equal 0, root 0.5, proportional 1")
+    check_range("largest point", float(np.abs(q).max()), 0.0, bounds.FARTHEST_M, "give the points in metres")
+    check_range("total_s", total_s, bounds.SHORTEST_S, bounds.LONGEST_S, "give the motion a time in seconds")
+    check_range("power", power, 0.0, STEEPEST, "equal 0, root 0.5, proportional 1")
     distances = np.linalg.norm(np.diff(q.reshape(q.shape[0], -1), axis=0), axis=1)
     for k in np.flatnonzero(distances == 0.0).tolist() if power else ():
         raise PlanError(
             f"points {k} and {k + 1} are both at {q[k]} m, so their interval lasts 0 s; must be > 0: "
             "use equal times, drop the point, or put a dwell there"
         )
-    weights: FloatArray = distances**power
-    return weights * (total_s / float(weights.sum()))
+    weights = (distances / max(float(distances.max()), bounds.NEAREST_M)) ** power
+    shares: FloatArray = weights / weights.sum()
+    for k in np.flatnonzero(shares < SHORTEST).tolist():
+        raise PlanError(
+            f"the interval between points {k} and {k + 1} gets {shares[k]:.3g} of the time; must be >= {SHORTEST:g}: "
+            "lower the power, or drop one of the points"
+        )
+    return shares * total_s

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from planners.cells import Polynomials
-from planners.errors import Infeasible, PlanError
+from planners.errors import Infeasible, check_range
+from planners.laws import bounds
 from planners.pieces import FloatArray
 from planners.splines.points import ViaPoints, via_points
 from planners.trajectory import Trajectory
@@ -35,8 +36,7 @@ def parabolic_blends(times_s: ArrayLike, points_m: ArrayLike, acceleration_m_s2:
     Raises PlanError for bad points, Infeasible when the blends do not fit their interval.
     """
     via = via_points("parabolic blends", times_s, points_m, FEWEST)
-    if not 0.0 < acceleration_m_s2 < np.inf:
-        raise PlanError(f"acceleration_m_s2 = {acceleration_m_s2} of the blends; must be finite and > 0: give the axis' limit")
+    check_range("acceleration_m_s2", acceleration_m_s2, bounds.SLOWEST, bounds.FASTEST, "give the axis' limit")
     speeds, ramps = via.slopes_m_s, np.zeros(2)
     if rest_ends:
         ramps = np.array([_ramp(via, k, acceleration_m_s2) for k in (0, -1)])

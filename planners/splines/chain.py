@@ -10,11 +10,12 @@ from typing import TypeAlias
 import numpy as np
 
 from planners.cells import Polynomials
-from planners.errors import PlanError, unknown_name
+from planners.errors import PlanError, check_range, unknown_name
+from planners.laws import bounds
 from planners.pieces import FloatArray
 from planners.splines.b_spline import b_spline
 from planners.splines.four_three_four import four_three_four
-from planners.splines.points import REST, End, via_points
+from planners.splines.points import REST, SHORTEST, End, via_points
 from planners.trajectory import JUMP, Trajectory
 
 Through: TypeAlias = Callable[[FloatArray, FloatArray, End, End], Trajectory]
@@ -28,15 +29,16 @@ THROUGH: dict[str, Through] = {
 
 @dataclass(frozen=True)
 class Straight:
-    """Constant speed between two points; a dwell where they are one. PlanError unless duration_s > 0."""
+    """Constant speed between two points; a dwell where they are one. PlanError for a time or a place out of bounds."""
 
     from_m: float
     to_m: float
     duration_s: float
 
     def __post_init__(self) -> None:
-        if not (np.isfinite([self.from_m, self.to_m]).all() and 0.0 < self.duration_s < np.inf):
-            raise PlanError(f"{self}; points must be finite and duration_s finite and > 0: give the segment time, or drop it")
+        bounds.duration(self.duration_s)
+        for name, place_m in (("from_m", self.from_m), ("to_m", self.to_m)):
+            check_range(name, place_m, -bounds.FARTHEST_M, bounds.FARTHEST_M, "give it in metres")
 
     @property
     def end(self) -> End:
@@ -103,8 +105,8 @@ def _through(k: int, segment: Spline, start: End, end: End) -> Trajectory:
         raise PlanError(
             f"segment {k} has {points.size} points and {durations.size} durations; must be {points.size - 1}: one an interval"
         )
-    for i in np.flatnonzero(~((durations > 0.0) & (durations < np.inf))).tolist():
-        raise PlanError(f"durations_s[{i}] = {durations[i]} in segment {k}; must be finite and > 0: give the interval time")
+    for i, h in enumerate(durations.tolist()):
+        check_range(f"durations_s[{i}] in segment {k}", h, SHORTEST * bounds.SHORTEST_S, bounds.LONGEST_S, "give it time")
     via = via_points(f"segment {k}", np.concatenate([[0.0], np.cumsum(durations)]), points, 2)
     return THROUGH[segment.law](via.times_s, via.points_m, start, end)
 

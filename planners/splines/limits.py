@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from planners.errors import PlanError
+from planners.laws import bounds
 
 OF_ORDER = {1: "speed_m_s", 2: "acceleration_m_s2", 3: "jerk_m_s3"}
 
@@ -27,8 +28,7 @@ class AxisLimits:
                 "leave out the one that does not bound"
             )
         for name in OF_ORDER.values():
-            if not getattr(self, name) > 0.0:
-                raise PlanError(f"{name} = {getattr(self, name)} in limits; must be > 0: leave it out for no limit")
+            bounds.limit(name, getattr(self, name))
 
     def of_order(self, order: int) -> float:
         """Bound of |derivative| of order 1, 2 or 3."""

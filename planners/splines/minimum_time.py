@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planners.errors import Infeasible, PlanError, unknown_name
+from planners.errors import Infeasible, PlanError, check_range, unknown_name
+from planners.laws import bounds
 from planners.pieces import FloatArray
 from planners.splines.allocation import ALLOCATIONS
 from planners.splines.b_spline import many_pieces
@@ -22,6 +23,7 @@ SAMPLES = 256  # allocations looked at besides the starts
 POLISHED = 4  # the best of them that are followed to their minimum
 SPREAD = 1.0  # standard deviation of the logarithm of a drawn duration about the root allocation
 FLOOR = 1e-3  # of the whole path: a shorter interval is given time as if it were so long
+LEAST_M = 1e-12  # of the way: less is rounding
 SHORTEST = 1e-3  # of the total time: an interval between equal points that is shorter is on its way to nothing
 
 SHAPES: dict[str, Shape] = {
@@ -77,8 +79,10 @@ def _check(law: str, q: FloatArray, limits: AxisLimits) -> None:
             f"points_m of shape {q.shape} for a minimum time; must be >= {FEWEST} finite points (N,) or (N, axes): "
             "mend the table, or scale a two-point law"
         )
+    check_range("largest point", float(np.abs(q).max()), 0.0, bounds.FARTHEST_M, "give the points in metres")
     if not np.any(q != q[0]):
         raise PlanError(f"all {q.shape[0]} points are at {q[0]} m; a path must be > 0 m long: use Trajectory.hold")
+    check_range("farthest way from the first point", float(np.abs(q - q[0]).max()), LEAST_M, np.inf, "use Trajectory.hold")
     if not min(map(limits.of_order, OF_ORDER)) < np.inf:
         raise PlanError("no limit of speed, acceleration or jerk is given; one must be finite: the minimum time would be 0 s")
     if law == "cubic" and limits.jerk_m_s3 < np.inf:
@@ -100,7 +104,7 @@ def _check_repeated(q: FloatArray, h: FloatArray) -> None:
 def _starts(search: ShapeSearch, starts: Sequence[str], samples: int) -> FloatArray:
     """Durations to begin with: (starts, K)."""
     distances = np.linalg.norm(np.diff(search.points, axis=0), axis=1)
-    logs = np.log(np.maximum(distances, FLOOR * distances.sum()))
+    logs = np.log(np.maximum(distances / distances.sum(), FLOOR))
     first = np.array([ALLOCATIONS[name] * logs for name in starts]).reshape(-1, logs.size)
     if samples < 1:
         return np.asarray(np.exp(first))

@@ -7,12 +7,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planners.errors import PlanError
+from planners.errors import NotConverged, PlanError
 from planners.pieces import FloatArray, Smooth
 from planners.splines.points import via_points
 from planners.trajectory import Trajectory
 
 FEWEST = 2
+MISS = 1e-9  # of the largest point
+MOST_ORDERS = 24  # beyond, derivatives of the shortest motions are no numbers
 HIGHEST_ORDER = 6  # derivatives that are declared, though those of a short polynomial are 0
 
 
@@ -28,8 +30,8 @@ class Conditioning(NamedTuple):
 def n_point(times_s: ArrayLike, points_m: ArrayLike) -> Trajectory:
     """The polynomial of degree N - 1 through points (N,) at times (N,), in Chebyshev polynomials of centred, scaled time.
 
-    It meets the points to rounding; between many equidistant points it swings out, which no arithmetic can mend.
-    Raises PlanError for bad points.
+    Between many equidistant points it swings out, and from about 30 on by more than arithmetic can resolve at the points.
+    Raises PlanError for bad points, NotConverged when a point is missed by more than MISS.
     """
     from numpy.polynomial import chebyshev
 
@@ -37,7 +39,13 @@ def n_point(times_s: ArrayLike, points_m: ArrayLike) -> Trajectory:
     duration = float(via.times_s[-1] - via.times_s[0])
     x = 2.0 * (via.times_s - via.times_s[0]) / duration - 1.0
     series = np.linalg.solve(chebyshev.chebvander(x, x.size - 1), via.points_m)
-    slopes = [chebyshev.chebder(series, order) * (2.0 / duration) ** order for order in range(max(HIGHEST_ORDER, x.size) + 1)]
+    missed, size = float(np.abs(chebyshev.chebval(x, series) - via.points_m).max()), float(np.abs(via.points_m).max())
+    if not missed <= MISS * size:
+        raise NotConverged(
+            f"the polynomial through {x.size} points misses one by {missed:.3g} m; must be <= {MISS * size:.3g}: take a spline"
+        )
+    orders = range(min(max(HIGHEST_ORDER, x.size), MOST_ORDERS) + 1)
+    slopes = [chebyshev.chebder(series, order) * (2.0 / duration) ** order for order in orders]
 
     def value(t: FloatArray, order: int) -> FloatArray:
         return np.asarray(chebyshev.chebval(2.0 * t / duration - 1.0, slopes[order]), dtype=np.float64)

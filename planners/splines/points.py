@@ -7,9 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planners.errors import PlanError
+from planners.errors import PlanError, check_range
+from planners.laws import bounds
 from planners.pieces import FloatArray
 
+LATEST_S = 1e12  # on any clock
 SHORTEST = 1e-9  # of the whole time: a shorter interval is a slip of the table
 
 
@@ -41,7 +43,7 @@ REST = End()
 
 
 def via_points(law: str, times_s: ArrayLike, points_m: ArrayLike, fewest: int, ends: tuple[End, ...] = ()) -> ViaPoints:
-    """The points of a law, checked: finite numbers, times strictly increasing, none too close, at least `fewest` of them.
+    """The points of a law, checked: within bounds, times strictly increasing, none too close, at least `fewest` of them.
 
     Raises PlanError naming the law, the value and the bound.
     """
@@ -50,12 +52,14 @@ def via_points(law: str, times_s: ArrayLike, points_m: ArrayLike, fewest: int, e
         raise PlanError(f"{law}: times_s has shape {t.shape}, points_m {q.shape}; must both be (N,): give a time a point")
     if t.size < fewest:
         raise PlanError(f"{law}: {t.size} points; must be >= {fewest}: add points, or take a two-point law")
-    if not np.isfinite([t, q]).all() or not np.isfinite(np.array(ends)).all():
-        raise PlanError(f"{law}: a time, a point or an end condition is not finite; all must be numbers: mend the table")
+    for name, values, most in (("times_s", t, LATEST_S), ("points_m", q, bounds.FARTHEST_M), ("ends", ends, bounds.FASTEST)):
+        flat = np.ravel(values)
+        for value in flat[~(np.abs(flat) <= most)][:1].tolist():
+            check_range(f"{law}: a number of {name}", value, -most, most, "mend the table")
     for k in np.flatnonzero(np.diff(t) <= 0.0).tolist():
         what = "repeats" if t[k + 1] == t[k] else "goes back"
         raise PlanError(f"{law}: times_s[{k + 1}] = {t[k + 1]:.12g} {what} after {t[k]:.12g}; must increase: mend the table")
-    total = float(t[-1] - t[0])
+    total = bounds.duration(float(t[-1] - t[0]))
     for k in np.flatnonzero(np.diff(t) < SHORTEST * total).tolist():
         raise PlanError(
             f"{law}: the interval after times_s[{k}] lasts {t[k + 1] - t[k]:.3g} s of {total:.6g} s; "
