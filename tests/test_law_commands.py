@@ -411,7 +411,8 @@ def test_a_long_way_under_a_short_cable_is_compared_in_seconds(rig):
     code, said, _ = rig("laws", "compare", "--distance", 1000, "--load-length", 1, "--json")
     assert code == 0
     assert all(
-        row["swing_free_time_s"] is None or row["swing_free_time_s"] >= row["time_s"] for row in msgspec.json.decode(said)["laws"]
+        row["swing_free_time_s"] is None or row["swing_free_time_s"] >= row["time_s"]
+        for row in msgspec.json.decode(said)["laws"]
     )
 
 

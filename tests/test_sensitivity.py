@@ -452,9 +452,18 @@ def test_the_figure_has_a_row_for_each_family_and_both_curves_of_each_plan(docum
     figure = curves.sheet(document)
     assert len(figure.axes) == 6 * 4
     assert [len(axes.lines) for axes in figure.axes[::4]] == [6, 6, 4, 4, 6, 2]
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["2.5 s", "2 s", "1.5 s", "small swings", "true load"]
+    assert figure.axes[4].get_ylabel().splitlines()[:2] == ["robust", "to length / length_2"]
     pendulum_zvd = figure.axes[20].lines
     assert pendulum_zvd[0].get_ydata()[0] == pytest.approx(23.9896, rel=1e-4)  # mrad
     assert (pendulum_zvd[0].get_linestyle(), pendulum_zvd[1].get_linestyle()) == ("-", "--")
+
+
+def test_the_figure_names_the_plans_that_leave_it_with_nothing_wrong(document):
+    title = curves.sheet(document).get_suptitle()
+    assert title.endswith("two bars robust 1.5 s leaves 94 mrad, two bars robust jerk 1.5 s leaves 141 mrad.")
+    few = {"pendulum.ZVD_T2.5.length": document["pendulum.ZVD_T2.5.length"]}
+    assert "nothing wrong" not in curves.sheet(few).get_suptitle()
 
 
 def test_the_ending_of_the_plot_file_says_its_kind_and_another_or_no_folder_is_refused(document, tmp_path):

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import csv
+import os
+import shutil
+import sys
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -10,6 +13,7 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
+from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
@@ -17,23 +21,29 @@ from comms.clock import stopwatch_s
 from planners.errors import unknown_name
 from rig.cli.output import check_folder, out, print_json, working
 from rig.compare import table as tables
-from rig.compare.published import TABLES
+from rig.compare.published import METHODS, TABLES
 from rig.compare.table import Comparison, tolerance
 from rig.errors import BAD_DATA, ConfigError
 
 CHOICES = (*TABLES, "all", "sensitivity")
-WIDTH = 140  # characters, on a narrower terminal too: a table of two bars needs 134
+WIDTH = 140  # characters of a line in a file: a table of two bars needs 134
 NOTHING = 1e-12  # rad: a residual below it is rounding, shown as 0
 STYLE = {"reproduced": "green", "partly": "yellow", "false": "red", "no entry": "dim"}
 UNITS = {"_rad": ("mrad", 1e3), "_m_s2": ("m/s²", 1.0), "_m_s": ("m/s", 1.0), "_m": ("m", 1.0)}
+WORDS = {  # of a technique as printed
+    "acc": "commands acceleration",
+    "forza": "commands force",
+    "jerk": "commands the jerk model",
+    "rob": "forgives a wrong length",
+}
 LEGEND = (
-    "published: as printed. ours: in the source's definitions: signed maxima; θ res over as long again after the move;",
-    "speed RMS over [0, 2T], hence 1/√2 of the move's; acceleration RMS unweighted over the technique's own nodes.",
+    "published: as printed. ours: in the source's definitions: signed maxima; θ res over as long again after the move; speed "
+    "RMS over [0, 2T], hence 1/√2 of the move's; acceleration RMS unweighted over the technique's own nodes (DF: 201; bvp5c: "
+    "2000 even points, in ours of the exact solution; Shooting: ode45's). Where a row is measured otherwise, a note says so.",
     "exact: the same problem solved exactly: absolute maxima, RMS over the move, amplitude of the swing left.",
-    "≠: ours and published differ by more than 0.05 % (θ res: 2 %). reproduced: every figure agrees. partly: those marked do",
-    "not, for the reason given. false: the source's figures are not the stated problem's. no entry: the source prints a dash;",
-    "where ours is empty too, the move is shorter than the shaper.",
-    "planned in: published, a whole run of the source's; ours, one plan, warm.",
+    "≠: ours and published differ by more than 0.05 % (θ res: 2 %). reproduced: every figure agrees. partly: those marked do "
+    "not, for the reason given. false: the source's figures are not the stated problem's. no entry: the source prints a dash.",
+    "planned in: published, a whole MATLAB run on a computer not named; ours, one plan here, warm.",
 )
 
 
@@ -54,10 +64,10 @@ def compare(
     names = _tables(table)
     if csv_file is not None:
         check_folder("--csv", csv_file)
-    every: list[Comparison] = []
+    seconds, every = tables.planning_time(stopwatch_s), list[Comparison]()
     for name in names:
         with working(f"table {name}: planning every row", quiet=not as_json or len(names) == 1):
-            comparisons = tables.compare(name, stopwatch_s)
+            comparisons = tables.compare(name, seconds)
         every += comparisons
         if not as_json:
             _print(name, comparisons)
@@ -66,8 +76,8 @@ def compare(
     if as_json:
         print_json({"rows": [_document(comparison) for comparison in every]})
     else:
-        out.print("\n".join(LEGEND), style="dim")
-        out.print(_summary(every))
+        _page().print("\n".join(LEGEND), style="dim")
+        _page().print(_summary(every))
     return 0 if all(comparison.as_expected for comparison in every) else BAD_DATA
 
 
@@ -104,34 +114,83 @@ def _sensitivity(plot: Path | None, csv_file: Path | None, as_json: bool) -> int
 
 
 def _print(name: str, comparisons: Sequence[Comparison]) -> None:
-    columns = next(c.row.columns for c in comparisons)
+    page, notes = _page(), dict[str, int]()
+    labels = [_label(c, notes) for c in comparisons]
     load = "two bars" if comparisons[0].row.bars else "pendulum"
-    view = Table(title=f"Table {name}: {load}, 0.2 m from rest to rest", title_justify="left", padding=(0, 1, 0, 0), box=None)
-    for header in ("technique", "T [s]", ""):
-        view.add_column(header, no_wrap=True)
-    for header in (*map(_header, columns), "planned in"):
-        view.add_column(header, justify="right", no_wrap=True)
-    notes: dict[str, int] = {}
-    for c in comparisons:
-        words = [notes.setdefault(why, len(notes) + 1) for why in (c.reason, c.sampling) if why]
-        note = f" ({', '.join(map(str, words))})" if words else ""
-        row = c.row
-        published = [_figure(column, row.published.get(column)) for column in columns]
-        ours = [_figure(column, c.ours.get(column), differs=column in c.off) for column in columns]
-        exact = [_figure(column, c.exact.get(column)) for column in columns]
-        view.add_row(row.technique, f"{row.time_s:g}", "published", *published, _time(row.compute_s))
-        view.add_row(Text(f"{row.verdict}{note}", STYLE[row.verdict]), "", "ours", *ours, _time(c.compute_s))
-        view.add_row("", "", "exact", *exact, end_section=True)
-    Console(width=WIDTH, highlight=False, markup=False).print(view)
+    page.print(f"Table {name}: {load}, 0.2 m from rest to rest", style="italic")
+    page.print(_glossary(comparisons), style="dim")
+    wide = _wide(comparisons, labels)
+    if Measurement.get(Console(width=WIDTH), page.options.update(width=WIDTH), wide).maximum <= page.width:
+        page.print(wide)
+    else:
+        for c, label in zip(comparisons, labels, strict=True):
+            page.print(_upright(c, label))
     for reason, number in notes.items():
-        out.print(f"({number}) {reason}")
+        page.print(f"({number}) {reason}")
     for c in comparisons:
         if not c.as_expected:
             found, named = (", ".join(columns) or "nothing" for columns in (c.off, c.row.off))
-            out.print(
+            page.print(
                 f"{c.row.technique} in {c.row.time_s:g} s: {found} differs, not {named} {c.refused}".rstrip(), style="bold red"
             )
-    out.print()
+    page.print()
+
+
+def _page() -> Console:
+    """As wide as the terminal or COLUMNS says; a file takes the widest table."""
+    known = sys.stdout.isatty() or "COLUMNS" in os.environ
+    return Console(width=shutil.get_terminal_size().columns if known else WIDTH, highlight=False, markup=False)
+
+
+def _glossary(comparisons: Sequence[Comparison]) -> str:
+    """The source's words for its techniques in ours; a planner that is spelled alike is left out."""
+    words = dict.fromkeys(word for c in comparisons for word in c.row.technique.split())
+    meant = {word: WORDS.get(word.lower()) or f"planner {METHODS[word]}" for word in words}
+    return "; ".join(f"{word} = {ours}" for word, ours in meant.items())
+
+
+def _label(c: Comparison, notes: dict[str, int]) -> Text:
+    """The verdict and the numbers of its notes, which are given out in order."""
+    numbers = [notes.setdefault(why, len(notes) + 1) for why in (c.reason, c.sampling) if why]
+    note = f" ({','.join(map(str, numbers))})" if numbers else ""
+    return Text(f"{c.row.verdict}{note}", STYLE[c.row.verdict])
+
+
+def _wide(comparisons: Sequence[Comparison], labels: Sequence[Text]) -> Table:
+    """Three lines a row, a column for each figure."""
+    view = Table(padding=(0, 1, 0, 0), box=None)
+    for header in ("technique", "T [s]", ""):
+        view.add_column(header, no_wrap=True)
+    for header in (*map(_header, comparisons[0].row.columns), "planned in"):
+        view.add_column(header, justify="right", no_wrap=True)
+    for c, label in zip(comparisons, labels, strict=True):
+        published, ours, exact = zip(*map(_three, [c] * len(c.row.columns), c.row.columns), strict=True)
+        view.add_row(c.row.technique, f"{c.row.time_s:g}", "published", *published, _time(c.row.compute_s))
+        view.add_row(label, "", "ours", *ours, _time(c.compute_s))
+        view.add_row("", "", "exact", *exact, end_section=True)
+    return view
+
+
+def _upright(c: Comparison, label: Text) -> Table:
+    """A line for each figure: one row of a table that is wider than the terminal."""
+    title = Text(f"{c.row.technique}, T = {c.row.time_s:g} s: ") + label
+    view = Table(title=title, title_justify="left", title_style="", padding=(0, 1, 0, 0), box=None)
+    view.add_column("", no_wrap=True)
+    for header in ("published", "ours", "exact"):
+        view.add_column(header, justify="right", no_wrap=True)
+    for column in c.row.columns:
+        view.add_row(_header(column).replace("\n", " "), *_three(c, column))
+    view.add_row("planned in", _time(c.row.compute_s), _time(c.compute_s), "")
+    return view
+
+
+def _three(c: Comparison, column: str) -> tuple[Text, Text, Text]:
+    """Published, ours, exact."""
+    return (
+        _figure(column, c.row.published.get(column)),
+        _figure(column, c.ours.get(column), differs=column in c.off),
+        _figure(column, c.exact.get(column)),
+    )
 
 
 def _header(column: str) -> str:
@@ -158,10 +217,13 @@ def _time(seconds: float | None) -> str:
     return f"{value:.3g} {unit}" if value < 1e3 else f"{value:.0f} {unit}"
 
 
-def _summary(every: Iterable[Comparison]) -> str:
+def _summary(every: Sequence[Comparison]) -> str:
     verdicts = Counter(str(c.row.verdict) for c in every)
     counts = ", ".join(f"{verdicts[verdict]} {verdict}" for verdict in STYLE if verdicts[verdict])
-    return f"{sum(verdicts.values())} rows: {counts}"
+    refused = sum(bool(c.refused) for c in every)
+    dashes = f"; {refused} of the dashes are moves too short for their shaper, which ours refuses too" if refused else ""
+    alike = f": {verdicts['reproduced'] + refused} rows come out as printed" if refused else ""
+    return f"{len(every)} rows: {counts}{dashes}{alike}"
 
 
 def _document(c: Comparison) -> dict[str, object]:
@@ -198,11 +260,13 @@ def _entry(c: Comparison, column: str) -> dict[str, float | bool | None]:
 
 def _write_csv(every: Iterable[Comparison], path: Path) -> None:
     head = ("table", "technique", "planner", "input", "robust", "time_s", "verdict", "published_compute_s", "compute_s")
+    figure = ("published", "ours", "exact", "relative_error", "tolerance", "differs")
     with path.open("w", newline="") as file:
         lines = csv.writer(file)
-        lines.writerow([*head, "column", "published", "ours", "exact", "relative_error", "tolerance", "differs", "reason"])
+        lines.writerow([*head, "column", *figure, "reason", "sampling"])
         for c in every:
             document = _document(c)
             for column in c.row.columns:
-                values = ["" if value is None else value for value in _entry(c, column).values()]
-                lines.writerow(["" if document[key] is None else document[key] for key in head] + [column, *values, c.reason])
+                entry = _entry(c, column)
+                values = [*(document[key] for key in head), column, *(entry[key] for key in figure), c.reason, c.sampling]
+                lines.writerow(["" if value is None else value for value in values])

@@ -56,6 +56,13 @@ class Row(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
         return "force" if "forza" in words else "jerk" if "jerk" in words else "acceleration"
 
     @property
+    def acceleration(self) -> Literal["nodes", "filtered", "speed"]:
+        """Where the source reads it: at the input's nodes, at those of the jerk model's output, or from the simulated speed."""
+        if self.input == "force" or (self.input == "jerk" and self.bars):
+            return "speed"
+        return "filtered" if self.input == "jerk" else "nodes"
+
+    @property
     def robust(self) -> bool:
         """Whether the plan forgives a wrong length."""
         return "Rob" in self.technique.split()

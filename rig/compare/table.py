@@ -10,7 +10,7 @@ import numpy as np
 
 from planners.boundary_value.finite_differences import solve_trapezoidal
 from planners.boundary_value.linear import linear_problem
-from planners.catalog import PLANNERS
+from planners.catalog import PLANNERS, Planner
 from planners.errors import Infeasible
 from planners.models.model import Model, StateSpace
 from planners.pieces import FloatArray
@@ -18,18 +18,18 @@ from planners.problem import Problem
 from planners.trajectory import Trajectory
 from rig.compare.exact import exact_metrics, states_along
 from rig.compare.loads import PENDULUM, TWO_BARS
-from rig.compare.nodes import shaped_nodes, shooting_nodes
+from rig.compare.nodes import FINE, shaped_nodes, shooting_nodes
 from rig.compare.published import Row, rows
-from rig.compare.source_metrics import InputNodes, measure
+from rig.compare.source_metrics import SAMPLE_S, InputNodes, measure
 
 DISTANCE_M = 0.2
 WINDOW = 2  # of the speed's RMS, in times of the move
 TOLERANCE, RESIDUAL_TOLERANCE = 5e-4, 0.02  # relative; of residuals, which are what a rounding of the input leaves
 INTERVALS = 200  # of the source's finite differences
 POINTS = 2000  # of its bvp5c
-HALF_PERIODS_S = {False: (1.0,), True: (0.820, 0.189)}  # the source's own, by whether there are bars
-RUNS, PATIENCE_S = 5, 0.1  # how often a planner is timed, after one run in which it may load what it needs
-SLOW_S = 1.0  # a planner whose first run lasts longer is not run again
+SHAPERS, CLOSED = ("zv", "zvd"), ("convolution", "matrix_exponential")
+HALF_PERIODS_S = {False: (1.0,), True: (0.820, 0.189)}  # as its figures show, by whether there are bars
+RUNS, PATIENCE_S = 3, 0.05  # how often a plan is timed
 
 
 class Comparison(msgspec.Struct, frozen=True, kw_only=True):
@@ -62,9 +62,19 @@ class Comparison(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def sampling(self) -> str:
         """Where the source's definitions of this row are not those of the others; "" where they are."""
-        window = f"its speed RMS is over [0, {self.row.window:g}T], not [0, 2T]" if self.row.window != WINDOW else ""
-        differences = "its accelerations are differences of the simulated speed over 0.5 ms" if _by_speed(self.row) else ""
-        return "; ".join(word for word in (window, differences) if word and self.ours)
+        row, words = self.row, list[str]()
+        if row.window != WINDOW:
+            words.append(f"its speed RMS is over [0, {row.window}T], as its printed figure shows, not [0, {WINDOW}T]")
+        if row.acceleration == "speed":
+            rms = f", their RMS over [0, {WINDOW}T]" if "a_rms_m_s2" in row.columns else ""
+            words.append(f"its accelerations are differences of the simulated speed over {SAMPLE_S * 1e3:g} ms{rms}")
+        if row.acceleration == "filtered":
+            words.append(f"its accelerations are the jerk model's output at the {INTERVALS + 1} nodes")
+        if row.method in SHAPERS and row.samples == "fine":
+            words.append(f"ours: the law at {FINE + 1} even points, the source's are not known")
+        if row.method in CLOSED:
+            words.append(f"ours: the exact solution at {POINTS} even points")
+        return "; ".join(words) if self.ours else ""
 
     @property
     def as_expected(self) -> bool:
@@ -77,9 +87,27 @@ def tolerance(column: str) -> float:
     return RESIDUAL_TOLERANCE if "_res_" in column else TOLERANCE
 
 
-def compare(table: str, timer: Callable[[], float] | None = None) -> list[Comparison]:
-    """Every row of one table; timer() in seconds times our planners. Raises PlanError for an unknown table."""
-    return [_compare(row, timer) for row in rows(table)]
+def compare(table: str, seconds: Callable[[Row], float] | None = None) -> list[Comparison]:
+    """Every row of one table; seconds(row) says how long our planner takes. Raises PlanError for an unknown table."""
+    return [_compare(row, seconds) for row in rows(table)]
+
+
+def planning_time(timer: Callable[[], float]) -> Callable[[Row], float]:
+    """Seconds that our planner of a row's kind takes once it has loaded what it needs; rows of the same plan are timed once."""
+    known: dict[tuple[object, ...], float] = {}
+    warm: set[str] = set()
+
+    def seconds(row: Row) -> float:
+        plan, problem = PLANNERS[row.method], problem_of(row)
+        if row.method not in warm:
+            plan(problem)
+            warm.add(row.method)
+        same = (row.method, row.bars, row.input, row.robust, row.time_s)
+        if same not in known:
+            known[same] = _seconds(plan, problem, timer)
+        return known[same]
+
+    return seconds
 
 
 def problem_of(row: Row) -> Problem:
@@ -89,31 +117,25 @@ def problem_of(row: Row) -> Problem:
     return Problem(distance_m=DISTANCE_M, time_s=row.time_s, model=model, input=row.input, robust=robust)
 
 
-def _compare(row: Row, timer: Callable[[], float] | None) -> Comparison:
+def _compare(row: Row, seconds: Callable[[Row], float] | None) -> Comparison:
     problem = problem_of(row)
-    shaped = row.method in ("zv", "zvd")
     try:
-        best = PLANNERS[row.method if shaped else "convolution"](problem)
+        best = PLANNERS[row.method if row.method in SHAPERS else "convolution"](problem)
     except Infeasible as refusal:
         return Comparison(row=row, ours={}, exact={}, compute_s=None, refused=str(refusal))
     plant, nodes = _played(row, problem, best)
     return Comparison(
         row=row,
-        ours=measure(plant, nodes, window=row.window, acceleration="speed" if _by_speed(row) else "nodes"),
+        ours=measure(plant, nodes, window=row.window, acceleration="speed" if row.acceleration == "speed" else "nodes"),
         exact=exact_metrics(problem.model, best),
-        compute_s=_seconds(row, problem, timer) if timer else None,
+        compute_s=seconds(row) if seconds else None,
     )
-
-
-def _by_speed(row: Row) -> bool:
-    """Whether the source took the row's accelerations from the speed it simulated, and not from the technique's nodes."""
-    return row.input == "force" or (row.input == "jerk" and row.bars)
 
 
 def _played(row: Row, problem: Problem, best: Trajectory) -> tuple[StateSpace, InputNodes]:
     """What the source simulated: its plant, and the technique's own nodes."""
     plant = problem.model.state_space(problem.input)
-    if row.method in ("zv", "zvd"):
+    if row.method in SHAPERS:
         derivatives = int(row.method == "zvd")
         return plant, shaped_nodes(DISTANCE_M, row.time_s, HALF_PERIODS_S[row.bars], derivatives, row.samples)
     if row.method == "shooting":
@@ -122,7 +144,7 @@ def _played(row: Row, problem: Problem, best: Trajectory) -> tuple[StateSpace, I
         t = np.linspace(0.0, row.time_s, POINTS)
         return plant, InputNodes(t, _input_along(problem, plant, best, t))
     nodes = solve_trapezoidal(linear_problem(problem), INTERVALS)
-    if problem.input != "jerk" or row.bars:
+    if row.acceleration != "filtered":
         return plant, InputNodes(nodes.t_s, nodes.input)
     # the source drove the bars through the jerk model's filter, the pendulum by the nodes of what comes out of it
     acceleration = nodes.states[:, plant.states.index("acceleration_m_s2")]
@@ -138,13 +160,11 @@ def _input_along(problem: Problem, plant: StateSpace, trajectory: Trajectory, t_
     return np.asarray((acceleration - states @ plant.a[1]) / plant.b[1, 0])
 
 
-def _seconds(row: Row, problem: Problem, timer: Callable[[], float]) -> float:
-    plan = PLANNERS[row.method]
-    begin = timer()
-    plan(problem)
-    first, times = timer() - begin, list[float]()
-    while first < SLOW_S and len(times) < RUNS and sum(times) < PATIENCE_S:
+def _seconds(plan: Planner, problem: Problem, timer: Callable[[], float]) -> float:
+    """Median of as many runs as the patience allows, at least one."""
+    times: list[float] = []
+    while len(times) < RUNS and sum(times) < PATIENCE_S:
         begin = timer()
         plan(problem)
         times.append(timer() - begin)
-    return statistics.median(times or [first])
+    return statistics.median(times)
