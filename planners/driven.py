@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import cmath
+from collections.abc import Iterable
 from itertools import zip_longest
 from typing import NamedTuple
 
@@ -20,13 +21,6 @@ class Term(NamedTuple):
         """Value at local time t."""
         return cmath.exp(self.rate_1_s * t) * sum((c * t**k for k, c in enumerate(self.coefficients)), 0j)
 
-    def real(self, factor: complex, duration_s: float) -> ExpPolynomial:
-        """Re(factor x term) as a piece."""
-        p = tuple(factor * c for c in self.coefficients)
-        if self.rate_1_s == 0.0:
-            return ExpPolynomial(duration_s, tuple(c.real for c in p))
-        return ExpPolynomial(duration_s, (0.0,), (Mode(self.rate_1_s, p),))
-
 
 def driven(push: ExpPolynomial, rate_1_s: complex, start: complex) -> list[Term]:
     """q(t) from `start` on, as a sum of terms: what the push forces, then the free motion."""
@@ -36,6 +30,18 @@ def driven(push: ExpPolynomial, rate_1_s: complex, start: complex) -> list[Term]
         sources.append(Term(rate.conjugate(), tuple(c.conjugate() / 2.0 for c in p)))
     forced = [Term(s, _particular(s - rate_1_s, p, push.duration_s)) for s, p in sources]
     return [*forced, Term(rate_1_s, (start - sum(term.coefficients[0] for term in forced),))]
+
+
+def real_part(parts: Iterable[tuple[complex, Term]], duration_s: float) -> ExpPolynomial:
+    """Re(sum of factor x term) as a piece; a wave and its conjugate are one mode."""
+    modes: dict[complex, list[complex]] = {}
+    for factor, (rate, p) in parts:
+        c = [factor * a for a in p]
+        if rate.imag < 0.0:
+            rate, c = rate.conjugate(), [a.conjugate() for a in c]
+        modes[rate] = [a + b for a, b in zip_longest(modes.get(rate, ()), c, fillvalue=0j)]
+    line = tuple(a.real for a in modes.pop(0j, [0j]))
+    return ExpPolynomial(duration_s, line, tuple(Mode(rate, tuple(c)) for rate, c in modes.items()))
 
 
 def accelerations(piece: Piece) -> list[ExpPolynomial]:

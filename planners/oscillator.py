@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property, reduce
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from planners.driven import accelerations, driven
+from planners.driven import accelerations, driven, real_part
 from planners.errors import PlanError
 from planners.models.model import Model
-from planners.pieces import ExpPolynomial, FloatArray, Piece, add
+from planners.pieces import ExpPolynomial, FloatArray, Piece
 from planners.spectrum import ComplexArray, speed_steps, transform
 from planners.trajectory import Trajectory
 
@@ -112,11 +112,10 @@ def residual(load: Modal, trajectory: Trajectory) -> FloatArray:
 def _advance(load: Modal, push: ExpPolynomial, states: list[complex], pieces: list[list[Piece]]) -> list[complex]:
     """Adds the piece of every coordinate; the states at its end."""
     answers = [driven(push, rate, q) for rate, q in zip(load.rates_1_s.tolist(), states, strict=True)]
-    still: Piece = ExpPolynomial(push.duration_s, (0.0,))
-    coordinates = []
+    coordinates: list[Piece] = []
     for shares in load.shapes.tolist():
-        parts = (t.real(share, push.duration_s) for share, terms in zip(shares, answers, strict=True) for t in terms)
-        coordinates.append(reduce(add, parts, still))
+        parts = ((share, term) for share, terms in zip(shares, answers, strict=True) for term in terms)
+        coordinates.append(real_part(parts, push.duration_s))
     pieces.append(coordinates)
     return [sum((term.at(push.duration_s) for term in terms), 0j) for terms in answers]
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Iterable, Sequence
-from itertools import pairwise, zip_longest
+from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
 from planners.boundary_value.linear import LinearProblem, Spectrum
-from planners.driven import Term, driven
+from planners.driven import Term, driven, real_part
 from planners.errors import PlanError
 from planners.pieces import ComplexArray, ExpPolynomial, Mode, add_closed
 from planners.problem import Problem
@@ -96,7 +96,7 @@ class _Path:
         if self._problem.input == "jerk":
             lag = self._problem.lag_s
             answer = driven(push.scaled(1.0 / lag), complex(-1.0 / lag), complex(self._acceleration))
-            push = _real(((1.0 + 0j, term) for term in answer), push.duration_s)
+            push = real_part(((1.0 + 0j, term) for term in answer), push.duration_s)
             self._acceleration = push.value(push.duration_s)
         speed = push.integral(self._speed)
         move = speed.integral(self.position_m)
@@ -112,7 +112,7 @@ class _Path:
             terms = driven(push, rate, value)
             self._swing[k] = (rate, share, sum((term.at(push.duration_s) for term in terms), 0j))
             parts += [(share, term) for term in terms]
-        move = add_closed(move, _real(parts, push.duration_s))
+        move = add_closed(move, real_part(parts, push.duration_s))
         self.position_m = move.value(push.duration_s)
         return move
 
@@ -133,15 +133,3 @@ def _input(spectrum: Spectrum, shares: ComplexArray, left_s: float, duration_s: 
             p = (size * (c0 + c1 * left_s), -size * c1) if c1 else (size * c0,)
             modes.append(Mode(-rate, p))
     return ExpPolynomial(duration_s, line, tuple(modes))
-
-
-def _real(parts: Iterable[tuple[complex, Term]], duration_s: float) -> ExpPolynomial:
-    """Re(sum of factor x term) as a piece; a wave and its conjugate are one mode."""
-    modes: dict[complex, list[complex]] = {}
-    for factor, (rate, p) in parts:
-        c = [factor * a for a in p]
-        if rate.imag < 0.0:
-            rate, c = rate.conjugate(), [a.conjugate() for a in c]
-        modes[rate] = [a + b for a, b in zip_longest(modes.get(rate, ()), c, fillvalue=0j)]
-    line = tuple(a.real for a in modes.pop(0j, [0j]))
-    return ExpPolynomial(duration_s, line, tuple(Mode(rate, tuple(c)) for rate, c in modes.items()))

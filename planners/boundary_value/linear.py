@@ -122,25 +122,24 @@ def linear_problem(problem: Problem) -> LinearProblem:
         k = system.states.index(name)
         q[k, k] = weight
     weight = p.input_weight if q.any() else 1.0  # alone it weighs nothing against nothing
-    return LinearProblem(system, q, weight, _with_sensitivities(p, start), _with_sensitivities(p, goal), p.time_s)
+    start, goal = (np.append(end, _sensitivities(p, end, n - len(end))) for end in (start, goal))
+    return LinearProblem(system, q, weight, start, goal, p.time_s)
 
 
-def _with_sensitivities(p: Problem, state: FloatArray) -> FloatArray:
-    """State of an end with that of the sensitivities: 0 at rest; where the load swings, what a shift of the parameter makes
-    of the mode's own coordinate, so that the angles do not change to first order."""
-    n = p.model.links_count
-    cart = cart_of(p.input)
-    swing, moved = state[2 : 2 + 2 * n], _moved_modes(p.model, cart, p.robust)
-    if not swing.any():
-        return np.append(state, np.zeros(2 * len(moved)))
+def _sensitivities(p: Problem, state: FloatArray, count: int) -> FloatArray:
+    """Of an end: 0 at rest; where the load swings, what a shift of the parameter makes of the mode's own coordinate, so
+    that the angles do not change to first order: (count,)."""
+    swing, cart = state[2 : 2 + 2 * p.model.links_count], cart_of(p.input)
+    if not (count and swing.any()):
+        return np.zeros(count)
     if len(p.robust) > 1:
         raise PlanError(f"robust = {p.robust} with a swinging end; must be one parameter there: leave the others out")
     more = list[float]()
-    for k in moved:
+    for k in _moved_modes(p.model, cart, p.robust):
         high, low = _around(p.model, cart, p.robust[0])
         z = complex((high.filters[k] - low.filters[k]) @ swing / (high.rates_1_s[k] - low.rates_1_s[k]))
         more += [z.real, z.imag]
-    return np.append(state, more)
+    return np.array(more)
 
 
 @lru_cache(maxsize=256)

@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
-from functools import reduce
 from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
-from planners.driven import Term
+from planners.driven import Term, real_part
 from planners.errors import PlanError, check_range
 from planners.laws import bounds
 from planners.pieces import FloatArray, Mode, Piece, Smooth, add
@@ -206,12 +205,11 @@ def _product(a: Piece, b: Piece) -> Piece:
     """a(t) b(t): of two waves the wave of the sum and that of the difference, half each."""
     if isinstance(a, Smooth) or isinstance(b, Smooth):
         return Smooth(a.duration_s, lambda t, _: a.at(t) * b.at(t), 0)
-    parts: list[Piece] = []
+    parts: list[tuple[complex, Term]] = []
     for (r, p), (s, q) in product((Mode(0j, a.coefficients), *a.modes), (Mode(0j, b.coefficients), *b.modes)):
         for rate, other in ((s, np.array(q)), (s.conjugate(), np.conj(q))):
-            wave = Term(r + rate, tuple(np.convolve(p, other).tolist()))
-            parts.append(wave.real(0.5, a.duration_s))
-    return reduce(add, parts)
+            parts.append((0.5, Term(r + rate, tuple(np.convolve(p, other).tolist()))))
+    return real_part(parts, a.duration_s)
 
 
 def _refuse_speed_steps(trajectory: Trajectory) -> None:
