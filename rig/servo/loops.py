@@ -1,0 +1,106 @@
+"""What a loop is judged by: poles as modes, zeros, margins, and how alike its eigenvectors are."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from planners.pieces import ComplexArray, FloatArray
+
+REAL = 1e-9  # imaginary part of a real pole, as a share of its size
+
+
+class Mode(NamedTuple):
+    """A pole, or one pair of conjugate ones: |p| and -Re p / |p|; a real pole has damping 1, an unstable one -1."""
+
+    frequency_rad_s: float
+    damping: float
+
+
+class Margins(NamedTuple):
+    """Of a loop opened at one place; inf where the loop never gets there."""
+
+    gain: float  # by which the gain may grow
+    phase_deg: float
+    crossover_rad_s: float  # where |L| falls through 1
+
+
+class Facts(NamedTuple):
+    """A closed loop in numbers."""
+
+    poles_1_s: ComplexArray  # of a discrete loop log(z) / period
+    zeros_1_s: ComplexArray
+    margins: Margins
+    condition: float  # of its eigenvectors, see condition()
+
+    @property
+    def modes(self) -> tuple[Mode, ...]:
+        """Slowest first."""
+        return modes(self.poles_1_s)
+
+
+def facts(opened: Any, closed: Any) -> Facts:
+    """Of a loop (control.StateSpace or TransferFunction) opened at the plant's input, and closed from setpoint to output."""
+    return Facts(poles(closed), zeros(closed), margins(opened), condition(closed))
+
+
+def poles(system: Any) -> ComplexArray:
+    """Of a continuous system, or of a discrete one as continuous equivalents [1/s]."""
+    return _continuous(system.poles(), system.dt)
+
+
+def zeros(system: Any) -> ComplexArray:
+    """Like poles; those at infinity are left out."""
+    found = np.asarray(system.zeros(), dtype=np.complex128)
+    return _continuous(found[np.isfinite(found)], system.dt)
+
+
+def modes(poles_1_s: ComplexArray | FloatArray) -> tuple[Mode, ...]:
+    """One of each conjugate pair, slowest first; a pole at 0 counts as damping 1."""
+    kept = [p for p in np.asarray(poles_1_s, dtype=np.complex128).tolist() if p.imag > -REAL * abs(p)]
+    rows = [Mode(abs(p), -p.real / abs(p) if abs(p) else 1.0) for p in kept]
+    return tuple(sorted(rows))
+
+
+def swinging(poles_1_s: ComplexArray | FloatArray) -> tuple[Mode, ...]:
+    """Those of the modes that are conjugate pairs."""
+    kept = [p for p in np.asarray(poles_1_s, dtype=np.complex128) if abs(p.imag) > 1e-6 * abs(p)]
+    return modes(np.array(kept))
+
+
+def margins(opened: Any) -> Margins:
+    """Of L = P C with negative feedback: gain and phase margin, and the crossover that belongs to the phase margin."""
+    import control
+
+    gain, phase, _, _, crossover, _ = control.stability_margins(opened)
+    return Margins(float(gain), float(phase), _or_inf(crossover))
+
+
+def condition(system: Any) -> float:
+    """cond of the eigenvectors of the state matrix, each column of length 1; 1 is best, inf a Jordan block (source 001).
+
+    States are balanced first, as metres beside metres a second say nothing of robustness.
+    """
+    import control
+    from scipy.linalg import matrix_balance
+
+    a = np.asarray(control.ss(system).A)
+    if a.size == 0:
+        return 1.0
+    balanced, _ = matrix_balance(a, permute=False)
+    _, vectors = np.linalg.eig(balanced)
+    return float(np.linalg.cond(vectors))
+
+
+def _continuous(found: Any, dt: Any) -> ComplexArray:
+    values = np.asarray(found, dtype=np.complex128)
+    if not dt:
+        return values
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.log(values) / float(dt))
+
+
+def _or_inf(value: float) -> float:
+    return float(value) if math.isfinite(value) else math.inf
