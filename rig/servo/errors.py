@@ -45,8 +45,9 @@ def check_datum(what: str, value: float, *, zero: bool = False) -> None:
 
 def check_below_nyquist(what: str, frequency_rad_s: float, period_s: float, advice: str) -> None:
     """Raises BeyondNyquist unless the frequency is below pi / period_s."""
-    if not frequency_rad_s < math.pi / period_s:
+    half_rad_s = math.pi / period_s
+    if not frequency_rad_s < half_rad_s:
         raise BeyondNyquist(
-            f"{what} = {frequency_rad_s:.6g} rad/s with a sample time of {period_s:g} s; must be < {math.pi / period_s:.6g} rad/s, "
+            f"{what} = {frequency_rad_s:.6g} rad/s with a sample time of {period_s:g} s; must be < {half_rad_s:.6g} rad/s, "
             f"half the sampling: {advice}"
         )
