@@ -59,7 +59,7 @@ def zeros(system: Any) -> ComplexArray:
 
 def modes(poles_1_s: ComplexArray | FloatArray) -> tuple[Mode, ...]:
     """One of each conjugate pair, slowest first; a pole at 0 counts as damping 1."""
-    kept = [p for p in np.asarray(poles_1_s, dtype=np.complex128).tolist() if p.imag > -REAL * abs(p)]
+    kept = [p for p in np.asarray(poles_1_s, dtype=np.complex128).tolist() if p.imag >= -REAL * abs(p)]
     rows = [Mode(abs(p), -p.real / abs(p) if abs(p) else 1.0) for p in kept]
     return tuple(sorted(rows))
 

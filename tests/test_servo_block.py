@@ -1,0 +1,111 @@
+"""A sampled block against python-control's own simulation and closed forms; loops against textbook figures."""
+
+from __future__ import annotations
+
+import math
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rig.servo import loops
+from rig.servo.block import Block, discretise
+from rig.servo.errors import BeyondNyquist, Improper, ServoError
+
+
+def lag(time_s: float) -> control.TransferFunction:
+    return control.tf([1.0], [time_s, 1.0])
+
+
+@pytest.mark.parametrize("method", ["bilinear", "zoh"])
+def test_a_block_steps_as_python_control_simulates(method):
+    sampled = discretise(control.tf([1.0, 50.0], [1.0, 30.0, 4e4]), 1e-3, method=method)
+    inputs = np.random.default_rng(1).normal(size=400)
+    block = Block(sampled)
+    told = control.forced_response(sampled, inputs=inputs).outputs
+    assert [block.step(u) for u in inputs.tolist()] == pytest.approx(told, abs=1e-12)
+
+
+def test_a_block_begins_anew_after_a_reset():
+    block = Block(discretise(lag(0.01), 1e-3))
+    first = [block.step(1.0) for _ in range(5)]
+    block.reset()
+    assert [block.step(1.0) for _ in range(5)] == first
+
+
+@given(st.floats(1e-3, 1.0), st.integers(1, 50))
+def test_a_held_input_is_followed_exactly_by_a_lag_sampled_with_zero_order_hold(time_s, n):
+    block = Block(discretise(lag(time_s), 1e-3, method="zoh"))
+    values = [block.step(1.0) for _ in range(n + 1)]
+    assert values[n] == pytest.approx(1.0 - math.exp(-n * 1e-3 / time_s), abs=1e-12)
+
+
+@given(st.floats(1.0, 3000.0))
+def test_a_bilinear_block_is_exact_at_its_prewarp_frequency(omega):
+    filtered = lag(0.004)
+    sampled = discretise(filtered, 1e-3, prewarp_rad_s=omega)
+    assert sampled(np.exp(1j * omega * 1e-3)) == pytest.approx(filtered(1j * omega), rel=1e-9)
+
+
+def test_a_prewarp_frequency_beyond_half_the_sampling_is_refused():
+    with pytest.raises(BeyondNyquist, match=r"prewarp_rad_s = 4000 rad/s with a sample time of 0.001 s; must be < 3141.59"):
+        discretise(lag(0.01), 1e-3, prewarp_rad_s=4000.0)
+
+
+def test_more_zeros_than_poles_are_refused():
+    with pytest.raises(Improper, match="a block with 1 zeros and 0 poles"):
+        discretise(control.tf([1.0, 0.0], [1.0]), 1e-3)
+
+
+@pytest.mark.parametrize("period_s", [0.0, -1.0, math.nan, 100.0])
+def test_a_sample_time_that_no_drive_has_is_refused(period_s):
+    with pytest.raises(ServoError, match=r"period_s = .*; must be 1e-07 to 10: give the drive's sample time"):
+        discretise(lag(0.01), period_s)
+
+
+def test_a_continuous_system_is_no_block():
+    with pytest.raises(ServoError, match="must have one output and be sampled: call discretise first"):
+        Block(control.ss(lag(0.01)))
+
+
+def test_modes_are_one_of_each_pair_slowest_first_and_an_unstable_one_has_negative_damping():
+    poles = np.array([-3.0 + 4.0j, -3.0 - 4.0j, -1.0, 0.0, 2.0])
+    assert loops.modes(poles) == ((0.0, 1.0), (1.0, 1.0), (2.0, -1.0), pytest.approx((5.0, 0.6)))
+    assert loops.swinging(poles) == (pytest.approx((5.0, 0.6)),)
+
+
+def test_sampled_poles_are_told_as_the_continuous_ones_they_come_from():
+    system = control.ss(control.tf([1.0], [1.0, 20.0, 1e4]))
+    sampled = discretise(system, 1e-3, method="zoh")
+    assert np.sort_complex(loops.poles(sampled)) == pytest.approx(np.sort_complex(system.poles()), rel=1e-9)
+
+
+def test_margins_of_an_integrator_with_a_lag_are_the_textbook_s():
+    """L = 1 / (s (1 + s)): crossover sqrt((sqrt 5 - 1) / 2), phase margin 90 deg - atan of it."""
+    crossover = math.sqrt((math.sqrt(5.0) - 1.0) / 2.0)
+    found = loops.margins(control.tf([1.0], [1.0, 1.0, 0.0]))
+    assert found == pytest.approx((math.inf, 90.0 - math.degrees(math.atan(crossover)), crossover), rel=1e-6)
+
+
+def test_a_third_lag_bounds_the_gain():
+    """L = k / (1 + s)^3 reaches -180 deg at sqrt 3, where |L| = k / 8."""
+    found = loops.margins(control.tf([2.0], [1.0, 3.0, 3.0, 1.0]))
+    assert found.gain == pytest.approx(4.0, rel=1e-6)
+
+
+def test_a_loop_s_facts_are_those_of_its_closed_form():
+    """k / (s (s + 2)) closed: s^2 + 2 s + k."""
+    opened = control.tf([25.0], [1.0, 2.0, 0.0])
+    found = loops.facts(opened, control.feedback(opened))
+    assert found.modes == (pytest.approx((5.0, 0.2)),)
+    assert found.zeros_1_s.size == 0
+    assert found.condition > 1.0
+
+
+def test_orthogonal_eigenvectors_have_condition_one_and_equal_ones_none():
+    apart = control.ss(np.diag([-1.0, -2.0, -3.0]), np.ones((3, 1)), np.ones((1, 3)), 0.0)
+    jordan = control.ss(np.array([[-1.0, 1.0], [0.0, -1.0]]), np.ones((2, 1)), np.ones((1, 2)), 0.0)
+    assert loops.condition(apart) == pytest.approx(1.0)
+    assert loops.condition(jordan) > 1e7
