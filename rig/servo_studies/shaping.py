@@ -1,0 +1,146 @@
+"""Input shaping of an elastic joint: what is left when the joint is not quite the one the shaper was made for.
+
+Two measures of the same impulses (source 001, input shaping): the shaped swing over the unshaped one at the same instant,
+and over that of one impulse at time 0 (Singer & Seering 1990); they differ by what damping takes in the meantime.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from planners.errors import unknown_name
+from planners.oscillator import MassChain, response
+from planners.pieces import FloatArray, add, polynomial
+from planners.shapers import SHAPERS, Shaper, residual, transform
+from planners.shaping import shape
+from planners.trajectory import Trajectory
+from rig.servo.errors import ServoError, check_range
+from rig.servo.loops import Mode
+from rig.servo.shaped_setpoint import MOST_DAMPING, ShaperFacts, design, facts, rate_1_s
+
+UNSHAPED = Shaper(np.ones(1), np.zeros(1))
+MOST_ERROR = 0.9  # of frequency; at 1 there would be no joint
+SMALLEST, LARGEST = 1e-6, 1e6  # frequencies in rad/s, pulses in s
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShapingTask:
+    """A mode, how wrong it may be, the shapers to compare and the torque pulse of the two-mass example.
+
+    Raises PlanError for an unknown shaper, ServoError for values out of bounds.
+    """
+
+    frequency_rad_s: float = 1.0
+    damping: float = 0.05
+    frequency_error: float = 0.1  # shares of frequency and damping
+    damping_error: float = 0.2
+    shapers: tuple[str, ...] = ("zv", "zvd", "zvdd")
+    pulse_s: float = 10.0
+    period_s: float | None = None  # of the drive, to see the shapers on its samples as well
+
+    def __post_init__(self) -> None:
+        check_range("frequency", self.frequency_rad_s, SMALLEST, LARGEST, "give the mode's frequency in rad/s")
+        check_range("damping", self.damping, 0.0, MOST_DAMPING, "give the mode's damping ratio, e.g. 0.05")
+        check_range("frequency error", self.frequency_error, 0.0, MOST_ERROR, "give a share, e.g. 0.1")
+        check_range("damping error", self.damping_error, 0.0, 1.0, "give a share, e.g. 0.2")
+        check_range("pulse", self.pulse_s, SMALLEST, LARGEST, "give its length in s")
+        largest = self.damping * (1.0 + self.damping_error)
+        check_range("damping x (1 + damping error)", largest, 0.0, MOST_DAMPING, "lower one of the two")
+        if not self.shapers:
+            raise ServoError(f"shapers = (); must be one or more of {', '.join(SHAPERS)}: name them")
+        for name in self.shapers:
+            if name not in SHAPERS:
+                raise unknown_name("shaper", name, SHAPERS)
+
+    @property
+    def mode(self) -> Mode:
+        """The one the shapers are made for."""
+        return Mode(self.frequency_rad_s, self.damping)
+
+    @property
+    def factors(self) -> tuple[tuple[float, float], ...]:
+        """True over assumed frequency and damping at the four corners, both too high first."""
+        f, d = self.frequency_error, self.damping_error
+        return ((1.0 + f, 1.0 + d), (1.0 + f, 1.0 - d), (1.0 - f, 1.0 + d), (1.0 - f, 1.0 - d))
+
+    @property
+    def cases(self) -> tuple[Mode, ...]:
+        """The true mode at the four corners."""
+        return tuple(Mode(f * self.frequency_rad_s, d * self.damping) for f, d in self.factors)
+
+
+class Pulse(NamedTuple):
+    """A joint of 1 kg m2 in all, pushed at the motor by 1 N m for some time; without friction."""
+
+    command: Trajectory  # its value is the speed [rad/s] of a rigid joint, its derivative the shaped torque [N m]
+    load_speed: Trajectory  # the value [rad/s]; goes on after the torque
+    residual: float  # largest distance from the final speed once the torque is over, as a share of the final speed
+
+
+class Robustness(NamedTuple):
+    """One shaper; shares, not percent."""
+
+    name: str
+    shaper: Shaper
+    facts: ShaperFacts
+    same_instant: FloatArray  # (4,) for the cases
+    singer_seering: FloatArray  # (4,)
+    damping_only: FloatArray  # (2,) same instant, damping alone too high and too low
+    sampled: Shaper | None  # on the drive's samples
+    sampled_facts: ShaperFacts | None
+
+
+def robustness(task: ShapingTask) -> tuple[Robustness, ...]:
+    """Every shaper of the task. Raises PlanError for too much damping for one of them, BeyondNyquist."""
+    return tuple(_robustness(task, name) for name in dict.fromkeys(task.shapers))
+
+
+def pulse_residuals(task: ShapingTask, shaper: Shaper = UNSHAPED) -> FloatArray:
+    """Of the pulse example when the joint is as assumed, then in the four cases: (5,)."""
+    return np.array([pulse(task.pulse_s, shaper, mode).residual for mode in (task.mode, *task.cases)])
+
+
+def pulse(pulse_s: float, shaper: Shaper, mode: Mode, watch_s: float = 0.0) -> Pulse:
+    """A shaped torque pulse on a two-mass joint whose poles are the mode, and then watch_s, a period at least.
+
+    Load over rigid speed is (2 zeta w s + w^2) / (s^2 + 2 zeta w s + w^2) whatever the ratio of the masses: a mass on a spring
+    whose foot moves as the rigid joint would. Exact, no step size (source 001, example of two masses).
+    """
+    rate = rate_1_s(mode)
+    chain = MassChain(masses_kg=(1.0,), stiffnesses_n_m=(abs(rate) ** 2,), dampings_n_s_m=(-2.0 * rate.real,))
+    command = shape(Trajectory((polynomial(pulse_s, (0.0, 1.0)),)), shaper)
+    after_s = max(watch_s, 2.0 * math.pi / rate.imag)
+    (lag,) = response(chain.modal, command, after_s)
+    whole = (*command.pieces, polynomial(after_s, (pulse_s,)))
+    load = Trajectory(tuple(add(rigid, behind) for rigid, behind in zip(whole, lag.pieces, strict=True)))
+    return Pulse(command, load, Trajectory(lag.pieces[-1:]).peak().value / pulse_s)
+
+
+def impulse_response(shaper: Shaper, mode: Mode, t_s: FloatArray) -> FloatArray:
+    """Of w^2 / (s^2 + 2 zeta w s + w^2) to the shaper's impulses, over w: (T,) for times (T,) (source 001)."""
+    rate = rate_1_s(mode)
+    since_s = np.subtract.outer(t_s, shaper.times_s)  # (T, n)
+    waves = np.where(since_s >= 0.0, np.exp(rate * np.maximum(since_s, 0.0)).imag, 0.0)
+    return np.asarray(waves @ shaper.amplitudes * (mode.frequency_rad_s / rate.imag))
+
+
+def _robustness(task: ShapingTask, name: str) -> Robustness:
+    shaper = SHAPERS[name](rate_1_s(task.mode))
+    rates = np.array([rate_1_s(case) for case in task.cases])
+    sides = (1.0 + task.damping_error, 1.0 - task.damping_error)
+    damped = np.array([rate_1_s(Mode(task.frequency_rad_s, side * task.damping)) for side in sides])
+    sampled = None if task.period_s is None else design(name, [task.mode], task.period_s)
+    return Robustness(
+        name,
+        shaper,
+        facts(shaper, task.mode),
+        np.abs(transform(shaper, rates)),
+        residual(shaper, rates),
+        np.abs(transform(shaper, damped)),
+        sampled,
+        None if sampled is None else facts(sampled, task.mode),
+    )
