@@ -1,0 +1,36 @@
+"""How accurate the lead of a screw is, by its ISO class (source 004, fig. C.8; ISO 3408-3)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from planners.errors import unknown_name
+
+
+class LeadClass(NamedTuple):
+    """Deviations allowed at 20 degrees C."""
+
+    per_300_mm_m: float  # V_300p: band of the deviation over any 300 mm
+    travel: tuple[tuple[float, float], ...] = ()  # useful travel up to [m] and the deviation e_p over it [m]
+
+
+LEAD_CLASSES = {
+    "ISO 1": LeadClass(6e-6, ((0.315, 6e-6), (0.4, 7e-6), (0.5, 8e-6))),
+    "ISO 3": LeadClass(12e-6, ((0.315, 12e-6), (0.4, 13e-6), (0.5, 15e-6))),
+    "ISO 5": LeadClass(23e-6, ((0.315, 23e-6), (0.4, 25e-6), (0.5, 27e-6))),
+    "ISO 7": LeadClass(52e-6),  # beyond the source's table; general knowledge of ISO 3408-3
+    "ISO 10": LeadClass(210e-6),  # likewise
+}
+TABULATED = tuple(name for name, row in LEAD_CLASSES.items() if row.travel)
+
+
+def lead_class(name: str) -> LeadClass:
+    """The class of that name. Raises PlanError with the nearest one for another."""
+    if name not in LEAD_CLASSES:
+        raise unknown_name("lead_class", name, LEAD_CLASSES)
+    return LEAD_CLASSES[name]
+
+
+def travel_deviation_m(name: str, travel_m: float) -> float | None:
+    """e_p of a class over a useful travel; None where the table has no row. Raises PlanError for an unknown class."""
+    return next((deviation for up_to, deviation in lead_class(name).travel if travel_m <= up_to), None)

@@ -1,0 +1,81 @@
+"""What a check says of a screw, and what all of them say of a candidate."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from planners.drives.ball_screw import BallScrew
+from planners.drives.motor import TOLERANCE
+from planners.drives.screw_axis import Candidate
+from planners.drives.screw_demand import ShaftDemand
+
+KEPT, BROKEN, UNDECIDED, NOT_ASKED = "kept", "broken", "not decidable", "not asked"
+
+
+class Check(NamedTuple):
+    """One limit. value <= bound, or >= with at_least; a bound of None is not asked, unless `missing` says what lacks."""
+
+    name: str
+    value: float | None
+    bound: float | None
+    unit: str
+    remedy: str = ""  # the next step where it is broken
+    at_least: bool = False
+    missing: str = ""
+
+    @property
+    def margin(self) -> float | None:
+        """Share of what may be used that is left: 1 - demand / capacity; negative is too much, None is not decided."""
+        if self.value is None or self.bound is None:
+            return None
+        need, room = (self.bound, self.value) if self.at_least else (self.value, self.bound)
+        return 1.0 - need / room if room > 0.0 else -math.inf
+
+    @property
+    def state(self) -> str:
+        """KEPT, BROKEN, UNDECIDED or NOT_ASKED."""
+        if self.missing:
+            return UNDECIDED
+        if self.margin is None:
+            return NOT_ASKED
+        return BROKEN if self.margin < -TOLERANCE else KEPT
+
+    @property
+    def reason(self) -> str:
+        """Why it is broken or open, with value, bound and next step; empty when kept or not asked."""
+        if self.state == UNDECIDED:
+            return f"{self.name}: {self.missing}"
+        if self.state != BROKEN:
+            return ""
+        sign = ">=" if self.at_least else "<="
+        return f"{self.name} {self.value:.6g} {self.unit}; must be {sign} {self.bound:.6g} {self.unit}: {self.remedy}"
+
+
+class Assessment(NamedTuple):
+    """A candidate's checks."""
+
+    candidate: Candidate
+    screw: BallScrew
+    shaft: ShaftDemand
+    checks: tuple[Check, ...]
+
+    @property
+    def admissible(self) -> bool:
+        """Whether no check is broken; some may be open."""
+        return not self.broken
+
+    @property
+    def broken(self) -> list[Check]:
+        """The checks that fail."""
+        return [check for check in self.checks if check.state == BROKEN]
+
+    @property
+    def undecided(self) -> list[Check]:
+        """The checks for which the catalogue says too little."""
+        return [check for check in self.checks if check.state == UNDECIDED]
+
+    @property
+    def tightest(self) -> Check:
+        """The decided check with the least margin."""
+        return min((c for c in self.checks if c.margin is not None), key=lambda c: c.margin or 0.0)

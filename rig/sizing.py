@@ -1,0 +1,236 @@
+"""The spec of a sizing from a TOML file: an axis, its cycle and what it is to reach; and the catalogue of screws."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from importlib import resources
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+
+from planners.drives.ball_screw import Mounting
+from planners.drives.motor import Motor
+from planners.drives.screw_axis import Axis, Candidate, Shares, Wishes
+from planners.drives.screw_cycle import Cycle, Move
+from planners.drives.screw_demand import AxisLoad, Transmission
+from planners.drives.screw_limits import ball_limit_m_rpm
+from planners.drives.screw_supports import SUPPORTS, Support
+from planners.errors import PlanError, unknown_name
+from rig.config import Section, convert, read_text
+from rig.errors import ConfigError
+from rig.motors import MotorSection
+
+EXAMPLES = ("appendix",)  # the worked axis of source 004, appendix C
+
+
+class AxisSection(Section, frozen=True, kw_only=True):
+    """`[axis]`: what is moved."""
+
+    mass_kg: float
+    slope_deg: float = 0.0
+    friction_coefficient: float = 0.0
+    force_n: float = 0.0
+    carried_kg: float = 0.0
+
+
+class ScrewSection(Section, frozen=True, kw_only=True):
+    """`[screw]`: all but diameter and lead."""
+
+    length_m: float
+    support: str = "fixed-supported"
+    free_length_m: float | None = None
+    density_kg_m3: float = 7800.0
+    youngs_modulus_pa: float = 200e9
+    shear_modulus_pa: float = 79.3e9
+    whirl_coefficient: float | None = None
+    buckling_coefficient: float | None = None
+    bearing_n_m: float = math.inf
+    nut_n_m: float = math.inf
+
+
+class BallsSection(Section, frozen=True, kw_only=True):
+    """`[balls]`: how fast they may go."""
+
+    material: str = "steel"
+    limit_m_rpm: float | None = None
+
+
+class SharesSection(Section, frozen=True, kw_only=True):
+    """`[shares]`: how much of each limit may be used."""
+
+    whirl: float = 0.7
+    buckling: float = 0.5
+    balls: float = 1.0
+    bandwidth: float = 0.5
+    service_factor: float = 1.2
+
+
+class WishesSection(Section, frozen=True, kw_only=True):
+    """`[wishes]`: what is to be reached; what is left out is told, not judged."""
+
+    life_h: float | None = None
+    lead_class: str = "ISO 5"
+    travel_deviation_m: float | None = None
+    position_error_m: float | None = None
+    angle_error_rad: float | None = None
+    sag_m: float | None = None
+    stiffness_n_m: float | None = None
+    bandwidth_rad_s: float | None = None
+
+
+class TransmissionSection(Section, frozen=True, kw_only=True):
+    """`[transmission]`: what turns besides the screw, and what is lost."""
+
+    efficiency: float = 0.9
+    motor_inertia_kg_m2: float = 0.0
+    coupling_inertia_kg_m2: float = 0.0
+    drag_torque_n_m: float = 0.0
+
+
+class MoveSection(Section, frozen=True, kw_only=True):
+    """`[[move]]`: from rest to rest, in the order of time."""
+
+    stroke_m: float
+    time_s: float
+    lambda_acc: float | None = None
+    lambda_dec: float | None = None
+    rest_s: float = 0.0
+    law: str = "trapezoidal"
+    durations_s: tuple[float, ...] | None = None
+
+
+class EntrySection(Section, frozen=True, kw_only=True):
+    """`[[catalogue]]`: a screw or a unit with the origin of its figures."""
+
+    name: str
+    diameter_m: float
+    lead_m: float
+    origin: str
+    dynamic_load_n: float | None = None
+    static_load_n: float | None = None
+    speed_m_s: float | None = None
+    stroke_m: float | None = None
+    lead_class: str | None = None
+
+
+class PublishedFigure(Section, frozen=True, kw_only=True):
+    """`[published]` name = { printed, reason }: digits as they stand in a source, and why the right ones may differ."""
+
+    printed: str
+    reason: str = ""
+
+
+class SizingFile(Section, frozen=True, kw_only=True):
+    """A whole file; tables in lists and in optional sections are checked one by one."""
+
+    axis: AxisSection
+    screw: ScrewSection
+    balls: BallsSection = BallsSection()
+    shares: SharesSection = SharesSection()
+    wishes: WishesSection = WishesSection()
+    transmission: TransmissionSection = TransmissionSection()
+    motor: dict[str, Any] = {}
+    move: list[dict[str, Any]]
+    choice: str = ""  # name of a catalogue entry
+    catalogue: list[dict[str, Any]] = []  # entries besides the shipped ones
+    published: dict[str, dict[str, Any]] = {}
+
+
+class Sizing(NamedTuple):
+    """What a spec comes to."""
+
+    axis: Axis
+    catalogue: dict[str, Candidate]
+    choice: Candidate | None
+    published: dict[str, PublishedFigure]
+
+
+def example_tables(name: str) -> dict[str, Any]:
+    """The tables of a shipped spec. Raises PlanError for a name not in EXAMPLES."""
+    if name not in EXAMPLES:
+        raise unknown_name("--example", name, EXAMPLES)
+    return _shipped(name)
+
+
+def file_tables(path: Path) -> dict[str, Any]:
+    """The tables of a file. Raises ConfigError when it cannot be read or is no TOML."""
+    try:
+        return tomllib.loads(read_text(path, "sizing"))
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"sizing '{path}' is not valid TOML: {error}; mend that line") from None
+
+
+def sizing_of(tables: dict[str, Any]) -> Sizing:
+    """The sizing of a file's tables, with the shipped catalogue.
+
+    Raises ConfigError naming section, key, value and bound, PlanError for what no axis can be.
+    """
+    file = convert(tables, SizingFile)
+    catalogue = _catalogue([*_shipped("catalogue")["catalogue"], *file.catalogue])
+    if file.choice and file.choice not in catalogue:
+        raise unknown_name("choice", file.choice, catalogue)
+    published = {name: convert(row, PublishedFigure, f"published.{name}") for name, row in file.published.items()}
+    return Sizing(_axis(file), catalogue, catalogue.get(file.choice), published)
+
+
+def _axis(file: SizingFile) -> Axis:
+    load, screw = file.axis, file.screw
+    return Axis(
+        mounting=Mounting(
+            length_m=screw.length_m,
+            support=_support(screw),
+            free_length_m=screw.free_length_m,
+            density_kg_m3=screw.density_kg_m3,
+            youngs_modulus_pa=screw.youngs_modulus_pa,
+            shear_modulus_pa=screw.shear_modulus_pa,
+        ),
+        load=AxisLoad(
+            mass_kg=load.mass_kg,
+            slope_rad=math.radians(load.slope_deg),
+            friction_coefficient=load.friction_coefficient,
+            force_n=load.force_n,
+        ),
+        cycle=Cycle([_move(number, row) for number, row in enumerate(file.move, start=1)]),
+        transmission=Transmission(**msgspec.structs.asdict(file.transmission)),
+        ball_limit_m_rpm=ball_limit_m_rpm(file.balls.material, file.balls.limit_m_rpm),
+        shares=Shares(**msgspec.structs.asdict(file.shares)),
+        wishes=Wishes(**msgspec.structs.asdict(file.wishes)),
+        motor=Motor(**msgspec.structs.asdict(convert(file.motor, MotorSection, "motor"))) if file.motor else None,
+        bearing_n_m=screw.bearing_n_m,
+        nut_n_m=screw.nut_n_m,
+        carried_kg=load.carried_kg,
+    )
+
+
+def _support(screw: ScrewSection) -> Support:
+    if screw.support not in SUPPORTS:
+        raise unknown_name("[screw] support", screw.support, SUPPORTS)
+    given = {"whirl": screw.whirl_coefficient, "buckling": screw.buckling_coefficient}
+    return SUPPORTS[screw.support]._replace(**{name: value for name, value in given.items() if value is not None})
+
+
+def _move(number: int, row: dict[str, Any]) -> Move:
+    section = convert(row, MoveSection, f"move.{number}")
+    try:
+        return Move(**msgspec.structs.asdict(section))
+    except PlanError as error:
+        raise PlanError(f"[[move]] {number}: {error}") from None
+
+
+def _catalogue(rows: list[dict[str, Any]]) -> dict[str, Candidate]:
+    entries: dict[str, Candidate] = {}
+    for number, row in enumerate(rows, start=1):
+        section = convert(row, EntrySection, f"catalogue.{number}")
+        if section.name in entries:
+            raise ConfigError(f"[[catalogue]] name = {section.name!r} twice; must be one of a kind: rename one")
+        try:
+            entries[section.name] = Candidate(**msgspec.structs.asdict(section))
+        except PlanError as error:
+            raise PlanError(f"[[catalogue]] {section.name}: {error}") from None
+    return entries
+
+
+def _shipped(name: str) -> dict[str, Any]:
+    return tomllib.loads((resources.files("rig") / "screws" / f"{name}.toml").read_text())

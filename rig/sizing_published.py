@@ -1,0 +1,126 @@
+"""The figures of a sizing by name, and what a source prints of them beside the right ones."""
+
+from __future__ import annotations
+
+import math
+from decimal import Decimal, InvalidOperation
+from typing import NamedTuple
+
+from planners.drives.screw_axis import Axis
+from planners.drives.screw_demand import table
+from planners.drives.screw_life import dynamic_load_n, life_h
+from planners.drives.screw_limits import (
+    RPM,
+    absolute_least_lead,
+    least_diameter_by_buckling_m,
+    least_lead_by_balls_m,
+    least_lead_by_whirl_m,
+)
+from planners.drives.screw_verdict import Assessment
+from planners.errors import unknown_name
+from rig.errors import ConfigError
+from rig.sizing import PublishedFigure
+
+PRELOAD_SHARES = (0.05, 0.1)  # of the dynamic load (source 004, C.0.1)
+BANDWIDTH_SHARES = (0.5, 0.7)  # of the antiresonance (source 004, C.0.19)
+ROUNDING = 1e-9  # of the last printed digit
+
+
+class Comparison(NamedTuple):
+    """A printed figure, the right one, and why they differ."""
+
+    name: str
+    printed: str
+    right: float
+    reason: str
+
+    @property
+    def differs(self) -> bool:
+        """Whether the right figure does not round to the printed digits."""
+        digits = Decimal(self.printed)
+        step = float(Decimal(1).scaleb(int(digits.as_tuple().exponent)))  # of the last digit
+        return abs(float(digits) - self.right) > step * (0.5 + ROUNDING)
+
+
+def axis_figures(axis: Axis) -> dict[str, float]:
+    """What is known before a screw is chosen, by name with its unit."""
+    need, shares = axis.demand, axis.shares
+    least = absolute_least_lead(axis.mounting, need.peak_speed_m_s, shares.whirl, axis.balls_m_rpm)
+    figures = {
+        **need._asdict(),
+        "cycle_s": axis.cycle.duration_s,
+        "weight_n": axis.load.weight_n,
+        "friction_n": axis.load.friction_n,
+        "whirl_coefficient": axis.mounting.support.whirl,
+        "buckling_coefficient": axis.mounting.support.buckling,
+        "lead_min_abs_m": least.lead_m,
+        "diameter_at_lead_min_abs_m": least.diameter_m,
+        "diameter_min_buckling_m": least_diameter_by_buckling_m(axis.mounting, need.peak_force_n, shares.buckling),
+    }
+    if axis.wishes.life_h is not None:
+        figures["dynamic_load_at_lead_min_abs_n"] = dynamic_load_n(
+            axis.wishes.life_h, need.equivalent_force_n, need.mean_speed_m_s, least.lead_m, shares.service_factor
+        )
+    return figures
+
+
+def screw_figures(axis: Axis, found: Assessment) -> dict[str, float]:
+    """What a screw adds to the axis, by name with its unit; cells of the motion-law table as move_N.phase_N.NAME."""
+    screw, need, shares, rated = found.screw, axis.demand, axis.shares, found.candidate.dynamic_load_n
+    rotary, stiffness = axis.transmission.inertia_kg_m2(screw), axis.stiffness_n_m(screw)
+    antiresonance = screw.antiresonance_rad_s(axis.load.mass_kg, stiffness)
+    figures = {
+        "screw_mass_kg": screw.mass_kg,
+        "screw_inertia_kg_m2": screw.inertia_kg_m2,
+        "rotary_inertia_kg_m2": rotary,
+        "equivalent_mass_kg": screw.equivalent_mass_kg(axis.load.mass_kg, rotary),
+        "whirl_rad_s": screw.whirl_rad_s,
+        "critical_speed_rpm": shares.whirl * screw.whirl_rad_s * RPM,
+        "lead_min_whirl_m": least_lead_by_whirl_m(screw, need.peak_speed_m_s, shares.whirl),
+        "lead_min_balls_m": least_lead_by_balls_m(screw.diameter_m, need.peak_speed_m_s, axis.balls_m_rpm),
+        "buckling_load_n": screw.buckling_load_n,
+        "sag_m": screw.sag_m(axis.load.slope_rad, axis.carried_kg),
+        "axial_stiffness_n_m": screw.axial_stiffness_n_m,
+        "torsional_stiffness_n_m_rad": screw.torsional_stiffness_n_m_rad,
+        "stiffness_n_m": stiffness,
+        "antiresonance_rad_s": antiresonance,
+        "resonance_rad_s": screw.resonance_rad_s(axis.load.mass_kg, stiffness, rotary),
+        "bandwidth_low_rad_s": BANDWIDTH_SHARES[0] * antiresonance,
+        "bandwidth_high_rad_s": BANDWIDTH_SHARES[1] * antiresonance,
+        "peak_torque_n_m": found.shaft.peak_torque_n_m,
+        "rms_torque_n_m": found.shaft.rms_torque_n_m,
+        "peak_power_w": found.shaft.peak_power_w,
+        **{
+            f"{kind}_speed_rpm": getattr(need, f"{kind}_speed_m_s") / screw.ratio_m_rad * RPM
+            for kind in ("peak", "mean", "rms")
+        },
+    }
+    if axis.wishes.life_h is not None:
+        figures["dynamic_load_n"] = dynamic_load_n(
+            axis.wishes.life_h, need.equivalent_force_n, need.mean_speed_m_s, screw.lead_m, shares.service_factor
+        )
+    if rated is not None:
+        hours = life_h(rated, need.equivalent_force_n, need.mean_speed_m_s, screw.lead_m, shares.service_factor)
+        figures |= {"life_h": hours, "preload_low_n": PRELOAD_SHARES[0] * rated, "preload_high_n": PRELOAD_SHARES[1] * rated}
+    for row in table(axis.cycle, axis.load, axis.transmission, screw):
+        cells = list(row._asdict().items())[2:]
+        figures |= {f"move_{row.move}.phase_{row.phase}.{name}": value for name, value in cells}
+    return figures
+
+
+def compare(published: dict[str, PublishedFigure], figures: dict[str, float]) -> list[Comparison]:
+    """Printed and right figures side by side. Raises PlanError for a name of none, ConfigError for digits that are none."""
+    rows = []
+    for name, figure in published.items():
+        if name not in figures:
+            raise unknown_name("[published]", name, figures)
+        try:
+            finite = math.isfinite(Decimal(figure.printed))
+        except InvalidOperation:
+            finite = False
+        if not finite:
+            raise ConfigError(
+                f"[published] {name} printed = {figure.printed!r}; must be the digits of a number: as in '4.07e3'"
+            )
+        rows.append(Comparison(name, figure.printed, figures[name], figure.reason))
+    return rows
