@@ -193,7 +193,7 @@ def load(name_or_path: str, overrides: list[str]) -> Experiment:
     """
     tables = _read(name_or_path)
     for text in overrides:
-        _override(tables, text)
+        override(tables, text)
     _check_links(tables.get("links"))
     experiment = convert(tables, Experiment)
     beside = Path(name_or_path).parent / experiment.move.waypoints
@@ -254,7 +254,8 @@ def _read(name_or_path: str) -> dict[str, Any]:
         raise ConfigError(f"experiment '{name_or_path}' is not valid TOML: {error}; mend that line") from None
 
 
-def _override(tables: dict[str, Any], text: str) -> None:
+def override(tables: dict[str, Any], text: str) -> None:
+    """Put `section.key=value` into the tables of a file. Raises ConfigError for a text that is no such thing."""
     path, equals, value = text.partition("=")
     keys = path.strip().split(".")
     if not equals or len(keys) < 2 or not all(keys):
@@ -289,6 +290,8 @@ def _explain(message: str, data: Any, kind: type, section: str) -> str:
     if missing:
         return f"[{'.'.join(keys)}] {missing[1]}: missing; add it".replace("[] ", "section ")
     inner = keys[len(section.split(".")) if section else 0 :]
+    if section and not inner and not what.startswith("Expected"):
+        return f"[{section}] {what}"  # of the whole table, by the one who builds it
     value = _value_at(data, inner)
     if "enum" in what:
         allowed = get_args(get_type_hints(_struct_at(kind, keys[:-1], section))[keys[-1]])

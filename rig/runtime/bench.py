@@ -11,6 +11,8 @@ from comms.task import Task
 from rig.config import Experiment, convert
 from rig.errors import ConfigError, Refused
 from sim_rig.camera import Pinhole
+from sim_rig.elastic_joint import ElasticJoint
+from sim_rig.joint_params import Joint
 from sim_rig.params import BenchParams, Camera, Pendulum, Robot, View
 from sim_rig.task import BenchTask
 
@@ -54,3 +56,11 @@ def synthetic_video(experiment: Experiment, seconds: float) -> Iterator[TruthRow
     from sim_rig.synthetic import swinging_video
 
     yield from swinging_video(params(experiment), seconds)
+
+
+def elastic_joint(tables: dict[str, Any], seed: int) -> ElasticJoint:
+    """The world of a drive's study from its `[bench.joint]`; raises ConfigError naming section, key, value and bound."""
+    try:
+        return ElasticJoint(convert(tables, Joint, "bench.joint"), seed)
+    except ValueError as error:
+        raise ConfigError(str(error)) from None

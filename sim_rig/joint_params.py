@@ -1,0 +1,125 @@
+"""The truth about the simulated elastic joint: motor, harmonic drive, load, and the sensors on them.
+
+The defaults are the rig listed in source 001, section "risultati sperimentali". A Joint that exists is valid.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import Annotated, get_type_hints
+
+import msgspec
+from msgspec import Meta
+
+FASTEST_RAD_S = 1e5  # of any mode: beyond, a step of the bench is under 10 us and a simulated second takes a minute
+
+Inertia = Annotated[float, Meta(ge=1e-12, le=1e6, description="give it in kg m2")]
+Ratio = Annotated[float, Meta(ge=1e-3, le=1e6, description="turns of the motor per turn of the load")]
+Friction = Annotated[float, Meta(ge=0.0, le=1e6, description="give it in N m s/rad, 0 for none")]
+Stiffness = Annotated[float, Meta(ge=1e-9, le=1e12, description="give it in N m/rad, referred to the motor")]
+Limit = Annotated[float, Meta(gt=0.0, description="give it in N m, inf for none")]
+Torque = Annotated[float, Meta(ge=0.0, le=1e6, description="give it in N m, 0 for none")]
+Push = Annotated[float, Meta(ge=-1e6, le=1e6, description="give it in N m")]
+Cycles = Annotated[float, Meta(ge=1e-3, le=1e4, description="periods per turn of the motor")]
+Phase = Annotated[float, Meta(ge=-1e3, le=1e3, description="give it in rad")]
+Angle = Annotated[float, Meta(ge=0.0, le=1.0, description="give it in rad, 0 for none")]
+Counts = Annotated[int, Meta(ge=0, le=2**40, description="0 for an encoder without steps")]
+Noise = Annotated[float, Meta(ge=0.0, le=1e6, description="rms in rad/s2, 0 for none")]
+Bias = Annotated[float, Meta(ge=-1e6, le=1e6, description="give it in rad/s2")]
+Instant = Annotated[float, Meta(ge=0.0, le=1e6, description="seconds since the bench began")]
+
+
+class Pulse(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A disturbance: constant torques on motor and load over start_s <= t < end_s. Raises ValueError, as Joint does."""
+
+    start_s: Instant
+    end_s: Instant
+    motor_n_m: Push = 0.0
+    load_n_m: Push = 0.0  # at the output shaft
+
+    def __post_init__(self) -> None:
+        _check_fields(self)
+        if not self.end_s > self.start_s:
+            raise ValueError(f"end_s = {self.end_s} of a disturbance; must be > start_s = {self.start_s}: were they exchanged?")
+
+
+class Joint(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Two masses and a spring; ripple, friction and sensor errors are off until they are given.
+
+    Raises ValueError naming key, value, bound and what to do; also for a mode faster than FASTEST_RAD_S, and for an encoder
+    ripple so steep that the reading would run backwards.
+    """
+
+    motor_inertia_kg_m2: Inertia = 1.5e-4
+    load_inertia_kg_m2: Inertia = 2.7  # about the output shaft
+    gear_ratio: Ratio = 100.0
+    motor_friction_n_m_s_rad: Friction = 3.4e-3  # viscous
+    load_friction_n_m_s_rad: Friction = 0.0  # viscous, at the output shaft
+    stiffness_n_m_rad: Stiffness = 3.1  # of the spring between motor angle and gear_ratio x load angle, referred to the motor
+    elastic_damping_n_m_s_rad: Friction = 2.2e-3  # beside that spring
+    torque_limit_n_m: Limit = math.inf  # the drive clips the command
+    torque_ripple_n_m: Torque = 0.0  # x sin(cycles_per_rev x motor angle + phase), pushing the motor
+    torque_ripple_cycles_per_rev: Cycles = 2.0  # a wave generator has two lobes
+    torque_ripple_phase_rad: Phase = 0.0
+    coulomb_torque_n_m: Torque = 0.0  # dry friction at the motor
+    encoder_ripple_rad: Angle = 0.0  # x sin(cycles_per_rev x motor angle), added to what the encoder reads
+    encoder_ripple_cycles_per_rev: Cycles = 1.0  # an eccentric disc
+    encoder_counts_per_rev: Counts = 8192
+    accelerometer_noise_rad_s2: Noise = 0.0  # white, a new value each sample
+    accelerometer_bias_rad_s2: Bias = 0.0
+    disturbances: tuple[Pulse, ...] = ()
+
+    def __post_init__(self) -> None:
+        _check_fields(self)
+        for key, rate_rad_s in self._rates_rad_s().items():
+            if rate_rad_s > FASTEST_RAD_S:
+                raise ValueError(
+                    f"{key} = {getattr(self, key)} makes a mode of {rate_rad_s:.3g} rad/s; must be <= {FASTEST_RAD_S:g} rad/s: "
+                    "lower it, or raise the inertia it acts on"
+                )
+        slope = self.encoder_ripple_rad * self.encoder_ripple_cycles_per_rev
+        if slope >= 1.0:
+            raise ValueError(
+                f"encoder_ripple_rad = {self.encoder_ripple_rad} over {self.encoder_ripple_cycles_per_rev:g} cycles a turn; "
+                "their product must be < 1, or the reading runs backwards: lower one of them"
+            )
+
+    @property
+    def reflected_inertia_kg_m2(self) -> float:
+        """Load inertia as the motor feels it."""
+        return self.load_inertia_kg_m2 / self.gear_ratio**2
+
+    @property
+    def fastest_rad_s(self) -> float:
+        """A bound on every rate of the small motions."""
+        return sum(self._rates_rad_s().values())
+
+    def _rates_rad_s(self) -> dict[str, float]:
+        """By the key that causes it: the undamped resonance, the ripple's, and the three decays."""
+        mobility = 1.0 / self.motor_inertia_kg_m2 + 1.0 / self.reflected_inertia_kg_m2
+        ripple_n_m_rad = self.torque_ripple_n_m * self.torque_ripple_cycles_per_rev
+        return {
+            "stiffness_n_m_rad": math.sqrt(self.stiffness_n_m_rad * mobility),
+            "elastic_damping_n_m_s_rad": self.elastic_damping_n_m_s_rad * mobility,
+            "motor_friction_n_m_s_rad": self.motor_friction_n_m_s_rad / self.motor_inertia_kg_m2,
+            "load_friction_n_m_s_rad": self.load_friction_n_m_s_rad / self.load_inertia_kg_m2,
+            "torque_ripple_n_m": math.sqrt(ripple_n_m_rad / self.motor_inertia_kg_m2),
+        }
+
+
+@cache
+def _field_types(kind: type) -> dict[str, object]:
+    return get_type_hints(kind, include_extras=True)
+
+
+def _check_fields(struct: Pulse | Joint) -> None:
+    """The bounds that the types state, for objects that no file was decoded into."""
+    for key, kind in _field_types(type(struct)).items():
+        value = getattr(struct, key)
+        try:
+            msgspec.convert(value, kind)
+        except msgspec.ValidationError as error:
+            advice = next((m.description for m in getattr(kind, "__metadata__", ()) if m.description), "give Pulse objects")
+            reason = str(error)
+            raise ValueError(f"{key} = {value!r}: {reason[0].lower()}{reason[1:]}: {advice}") from None
