@@ -290,9 +290,9 @@ def _explain(message: str, data: Any, kind: type, section: str) -> str:
     if missing:
         return f"[{'.'.join(keys)}] {missing[1]}: missing; add it".replace("[] ", "section ")
     inner = keys[len(section.split(".")) if section else 0 :]
-    if section and not inner and not what.startswith("Expected"):
-        return f"[{section}] {what}"  # of the whole table, by the one who builds it
     value = _value_at(data, inner)
+    if isinstance(value, dict) and keys and not what.startswith("Expected"):
+        return f"[{'.'.join(keys)}] {what}"  # of a whole table, by the one who builds it
     if "enum" in what:
         allowed = get_args(get_type_hints(_struct_at(kind, keys[:-1], section))[keys[-1]])
         what = f"must be one of {', '.join(map(repr, allowed))}{nearest(str(value), allowed)}"

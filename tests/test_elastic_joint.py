@@ -600,10 +600,10 @@ def test_the_door_builds_the_joint_of_a_file_s_table():
 @pytest.mark.parametrize(
     ("table", "message"),
     [
-        ({"stifness_n_m_rad": 3.1}, r"\[bench.joint\] stifness_n_m_rad: unknown key, did you mean 'stiffness_n_m_rad'"),
-        ({"gear_ratio": -1}, r"\[bench.joint\] gear_ratio = -1: expected"),
-        ({"stiffness_n_m_rad": 1e9}, r"\[bench\] joint = .*must be <= 100000 rad/s"),
-        ({"disturbances": [{"start_s": 0, "end_s": -1}]}, r"\[bench.joint.disturbances.0\] end_s = -1"),
+        ({"stifness_n_m_rad": 3.1}, r"\[bench\] stifness_n_m_rad: unknown key, did you mean 'stiffness_n_m_rad'"),
+        ({"gear_ratio": -1}, r"\[bench\] gear_ratio = -1: expected"),
+        ({"stiffness_n_m_rad": 1e9}, r"\[bench\] stiffness_n_m_rad = 1000000000.0 makes a mode of .*must be <= 100000 rad/s"),
+        ({"disturbances": [{"start_s": 0, "end_s": -1}]}, r"\[bench.disturbances.0\] end_s = -1"),
     ],
 )
 def test_the_door_names_what_is_wrong_in_the_file(table, message):

@@ -59,8 +59,8 @@ def synthetic_video(experiment: Experiment, seconds: float) -> Iterator[TruthRow
 
 
 def elastic_joint(tables: dict[str, Any], seed: int) -> ElasticJoint:
-    """The world of a drive's study from its `[bench.joint]`; raises ConfigError naming section, key, value and bound."""
+    """The world of a drive's study from its `[bench]`; raises ConfigError naming section, key, value and bound."""
     try:
-        return ElasticJoint(convert(tables, Joint, "bench.joint"), seed)
+        return ElasticJoint(convert(tables, Joint, "bench"), seed)
     except ValueError as error:
         raise ConfigError(str(error)) from None
