@@ -36,6 +36,7 @@ bench: $(READY)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[peers]'
 	$(THREADS) $(BIN)/python benchmarks/loop.py
 	$(THREADS) $(BIN)/python benchmarks/planners.py
+	$(THREADS) $(BIN)/python benchmarks/servo.py
 
 clean:
 	rm -rf $(VENV) build *.egg-info

@@ -40,6 +40,8 @@ def test_every_verb_explains_itself(rig):
         "laws",
         "spline",
         "motor-check",
+        "size",
+        "servo",
         "run",
         "stop",
         "sim",

@@ -11,7 +11,7 @@ import typer
 from comms.errors import CommsError, LogError
 from planners.errors import PlanError
 from rig.analysis.errors import AnalysisError
-from rig.cli import analyze, calibrate, compare, doctor, laws, motor_check, plan, run, sim, spline, stop, track
+from rig.cli import analyze, calibrate, compare, doctor, laws, motor_check, plan, run, servo, sim, size, spline, stop, track
 from rig.cli.output import print_json
 from rig.errors import BAD_DATA, EXIT_STATUS, REFUSED, USAGE, RigError
 from vision.errors import VisionError
@@ -60,7 +60,9 @@ app.command("track")(track.track)
 app.command("analyze")(analyze.analyze)
 app.command("spline")(spline.spline)
 app.command("motor-check")(motor_check.motor_check)
+app.command("size")(size.size)
 app.add_typer(laws.app, name="laws")
+app.add_typer(servo.app, name="servo")
 app.add_typer(calibrate.app, name="calibrate")
 
 

@@ -1,0 +1,182 @@
+"""`rig servo compare`: drive controllers on the simulated elastic joint, move by move and truth by truth."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import msgspec
+import typer
+from rich.progress import Progress
+from rich.table import Table
+
+from rig.cli.output import check_folder, err, out, print_json, wide
+from rig.errors import ConfigError
+
+if TYPE_CHECKING:
+    from rig.servo_studies.compare import Row
+    from rig.servo_studies.spec import ServoSpec
+
+BOTH = "pid,lqg"
+SHARE = "of the first"  # controller, by its name
+COLUMNS = (
+    ("truth", ""),
+    ("move", ""),
+    ("controller", ""),
+    ("residual", "[%]"),
+    (SHARE, ""),
+    ("by sensor", "[%]"),
+    ("settled", "[ms]"),
+    ("error", "[%]"),
+    ("overshoot", "[°]"),
+    ("peak", "[N m]"),
+    ("rms", "[N m]"),
+)
+LEGEND = (
+    "residual: largest speed of the load after the end of the move, true and by its accelerometer; error: rms of the speed;",
+    "all in % of the move's top speed. Settled: from the end on, until the speed stays below 1 %. Overshoot: of the load.",
+    "Peak, rms: torque of the motor. A shaper, or the filter of lqg_ff, makes a move end later. Truths: [bench] with changes.",
+)
+LOST = (
+    "Source 001 publishes the joint's constants and the moves; its gains are not published and its traces are lost: the gains",
+    "here are ours, so it is the ranking that is comparable.",
+)
+
+
+def compare(
+    file: Annotated[
+        Path | None,
+        typer.Argument(help="TOML of a comparison; source 001's three experiments unless given.", metavar="SPEC.toml"),
+    ] = None,
+    controllers: Annotated[
+        str, typer.Option(help="Names with commas, or all: pid, pid_notch, pid_observer, pid_shaped, assigned, lqg, lqg_ff.")
+    ] = BOTH,
+    truth: Annotated[
+        str, typer.Option(help="What the joint really is: names of the file's truths with commas, or all.")
+    ] = "all",
+    changes: Annotated[
+        list[str] | None, typer.Option("--set", help="Any key of the file, e.g. drive.period_s=0.0005; may be repeated.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="Of the sensors' noise, instead of the file's.", min=0)] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="Draw speed and torque of the first truth's moves: .svg, .png or .pdf.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")] = False,
+) -> int:
+    """Compare controllers of an elastic joint on the simulated bench: vibration that is left, error, torque."""
+    from rig.servo_studies.controllers import CONTROLLERS  # python-control takes its time
+    from rig.servo_studies.spec import load
+
+    if plot is not None:
+        from rig import picture_file
+
+        picture_file.check(plot)
+        check_folder("--plot", plot)
+    spec = load(file, changes or ())
+    if seed is not None:
+        spec = msgspec.structs.replace(spec, seed=seed)
+    names = list(CONTROLLERS) if controllers == "all" else _words("--controllers", controllers)
+    truths = list(spec.truth) if truth == "all" else _words("--truth", truth)
+    rows = _rows(spec, truths, names, quiet=as_json)
+    if plot is not None:
+        from rig.servo_studies.compare_figure import draw_comparison
+
+        picture_file.save(draw_comparison([row for row in rows if row.truth == truths[0]]), plot)
+    if as_json:
+        print_json(_document(spec, rows))
+    else:
+        _print(file, rows, names)
+    return 0
+
+
+def _words(option: str, text: str) -> list[str]:
+    words = list(dict.fromkeys(word.strip() for word in text.split(",") if word.strip()))
+    if not words:
+        raise ConfigError(f"{option} {text!r}; must name one or more, with commas, or all: see --help")
+    return words
+
+
+def _rows(spec: ServoSpec, truths: Sequence[str], names: Sequence[str], *, quiet: bool) -> list[Row]:
+    from rig.servo_studies.compare import compare as runs
+
+    total = len(truths) * len(spec.move) * len(names)
+    rows = []
+    with Progress(console=err, transient=True, disable=quiet or not err.is_terminal) as progress:
+        bar = progress.add_task("moves", total=total)
+        if not quiet and not err.is_terminal:
+            err.print(f"{total} moves on the simulated joint")
+        for row in runs(spec, truths, names):
+            rows.append(row)
+            progress.update(bar, advance=1, description=f"{row.truth}, {row.title}, {row.controller}")
+    return rows
+
+
+def _share(row: Row, rows: Sequence[Row]) -> float | None:
+    """The residual against that of the first controller on the same move."""
+    first = next(r for r in rows if (r.truth, r.move) == (row.truth, row.move))
+    return row.outcome.residual / first.outcome.residual if first is not row and first.outcome.residual else None
+
+
+def _document(spec: ServoSpec, rows: Sequence[Row]) -> dict[str, Any]:
+    return {
+        "exit_status": "ok",
+        "period_s": spec.drive.period_s,
+        "seed": spec.seed,
+        "rows": [
+            {"truth": row.truth, "move": row.move, "title": row.title, "controller": row.controller}
+            | row.outcome._asdict()
+            | {"residual_of_the_first": _share(row, rows), "integration_error_rad": row.recording.integration_error_rad}
+            | _current(spec, row)
+            for row in rows
+        ],
+        "source_001": " ".join(LOST),
+    }
+
+
+def _current(spec: ServoSpec, row: Row) -> dict[str, float | None]:
+    k = spec.drive.torque_constant_n_m_a
+    return {"peak_current_a": row.outcome.peak_torque_n_m / k if k else None}
+
+
+def _print(file: Path | None, rows: Sequence[Row], names: Sequence[str]) -> None:
+    table = Table(title="controllers of the elastic joint", title_justify="left", box=None, padding=(0, 2, 0, 0))
+    for name, unit in COLUMNS:
+        told, figure = (f"of {names[0]}", True) if name == SHARE else (name, bool(unit))
+        table.add_column(f"{told}\n{unit}", justify="right" if figure else "left", no_wrap=True)
+    last = None
+    for row in rows:
+        here = (row.truth, row.move)
+        if last is not None and here != last:
+            table.add_section()
+        share, o = _share(row, rows), row.outcome
+        cells = (
+            row.truth if last is None or last[0] != row.truth else "",
+            row.title if here != last else "",
+            row.controller,
+            f"{100 * o.residual:.2f}",
+            "" if share is None else f"{share:.2f}",
+            f"{100 * o.residual_measured:.2f}",
+            f"{1e3 * o.settling_s:.0f}" if math.isfinite(o.settling_s) else "never",
+            f"{100 * o.speed_error:.2f}",
+            f"{o.overshoot_deg:.3f}",
+            f"{o.peak_torque_n_m:.3f}",
+            f"{o.rms_torque_n_m:.3f}",
+        )
+        table.add_row(*cells)
+        last = here
+    wide.print(table)
+    for line in LEGEND + (LOST if file is None else ()):
+        out.print(line, style="dim")
+    for name in names[1:]:
+        out.print(_verdict(name, names[0], rows))
+
+
+def _verdict(name: str, first: str, rows: Sequence[Row]) -> str:
+    shares = [share for row in rows if row.controller == name and (share := _share(row, rows)) is not None]
+    less = sum(share < 1.0 for share in shares)
+    if not shares:
+        return f"{name}: nothing to compare with {first}"
+    span = f"{min(shares):.2f} to {max(shares):.2f} of it"
+    return f"{name} leaves less vibration than {first} in {less} of {len(shares)} moves: {span}"

@@ -1,0 +1,282 @@
+"""P on position around PI on speed, as most drives have it, with feed-forward, a notch filter and a torque limit.
+
+    speed setpoint = N_up (Kpp (qm* - qm) + share qm*')
+    torque = N_in (Kpv (1 + 1 / Tiv s) (speed setpoint - speed) + J qm*'')
+
+with a notch as N_in, inside the speed loop, or as N_up, upstream of it (source 001, notch filter); qm* is the Setpoint's.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from planners.pieces import ComplexArray
+from rig.servo.block import Block, check_period
+from rig.servo.errors import check_datum, check_range
+from rig.servo.loops import Facts, facts
+from rig.servo.notch import Notch
+from rig.servo.setpoint import Setpoint
+from rig.servo.two_mass import TwoMass
+
+Where = Literal["inside", "upstream"]  # of the speed loop
+HIDDEN = 1e-7  # a mode that the setpoint reaches less than this (1 = fully) is cancelled
+SETPOINT = ["angle", "speed_wanted", "acceleration"]  # as loops name it
+DELAY = 1e-9  # a sampled pole at 0 only delays and is no mode
+TORQUES = ["motor_torque", "load_torque"]  # disturbances of every loop below, at the motor's side of the gear
+
+
+class Loop(NamedTuple):
+    """opened at the plant's input, L = P C with negative feedback; closed from setpoint and disturbances to the joint.
+
+    control.StateSpace both, continuous or sampled. closed keeps modes that a notch cancels. setpoint and output name its
+    main channel.
+    """
+
+    opened: Any
+    closed: Any
+    setpoint: str
+    output: str
+
+    @property
+    def facts(self) -> Facts:
+        """Of a continuous loop: poles (hidden ones too), zeros of the main channel, margins at the plant's input, condition."""
+        return facts(self.opened, self.closed[self.output, self.setpoint])
+
+    @property
+    def shown_poles_1_s(self) -> ComplexArray:
+        """Those that the setpoint reaches."""
+        return self._poles(hidden=False)
+
+    @property
+    def hidden_poles_1_s(self) -> ComplexArray:
+        """Those that a notch cancels: the setpoint never moves them, a disturbance does (Popov-Belevitch-Hautus test)."""
+        return self._poles(hidden=True)
+
+    def _poles(self, *, hidden: bool) -> ComplexArray:
+        from scipy.linalg import matrix_balance
+
+        column = self.closed.find_input(self.setpoint)
+        balanced, scale = matrix_balance(self.closed.A, permute=False)
+        push = self.closed.B[:, column] / np.diag(scale)
+        found, left = np.linalg.eig(balanced.T)
+        reach = np.abs(left.T @ push) / np.linalg.norm(push)
+        kept = np.asarray(found[(reach < HIDDEN) == hidden], dtype=np.complex128)
+        if not self.closed.dt:
+            return kept
+        return np.asarray(np.log(kept[np.abs(kept) > DELAY]) / self.closed.dt)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cascade:
+    """Gains of the cascade. Raises ServoError for values out of bounds."""
+
+    speed_gain_n_m_s_rad: float  # Kpv
+    reset_time_s: float  # Tiv
+    position_gain_1_s: float  # Kpp
+    speed_filter_s: float = 0.0  # first-order, on the speed taken from the encoder
+    torque_limit_n_m: float = math.inf
+    speed_feed_forward: float = 1.0  # share of the setpoint's speed
+    feed_forward_inertia_kg_m2: float = 0.0  # times the setpoint's acceleration
+
+    def __post_init__(self) -> None:
+        for name in ("speed_gain_n_m_s_rad", "reset_time_s", "position_gain_1_s"):
+            check_datum(name, getattr(self, name))
+        check_datum("speed_filter_s", self.speed_filter_s, zero=True)
+        check_datum("feed_forward_inertia_kg_m2", self.feed_forward_inertia_kg_m2, zero=True)
+        check_range("torque_limit_n_m", self.torque_limit_n_m, 1e-12, math.inf, "take it from the drive's data sheet")
+        check_range("speed_feed_forward", self.speed_feed_forward, 0.0, 1.0, "1 follows a ramp without lag")
+
+    @classmethod
+    def normalised(
+        cls, joint: TwoMass, speed_loop: float = 1.0, position_loop: float = 0.1, reset_time: float = 10.0, **others: float
+    ) -> Cascade:
+        """By omega_cv / omega_z, omega_cp / omega_z and Tiv omega_z: Kpv = omega_cv (Jm + Jlr), Kpp = omega_cp.
+
+        Source 001 gives its gains so without saying which inertia it means; the rigid one is inferred. others are fields.
+        """
+        omega = joint.antiresonance_rad_s
+        return cls(
+            speed_gain_n_m_s_rad=speed_loop * omega * joint.rigid_inertia_kg_m2,
+            reset_time_s=reset_time / omega,
+            position_gain_1_s=position_loop * omega,
+            **others,
+        )
+
+    def speed_loop(self, joint: TwoMass, notch: Notch | None = None) -> Loop:
+        """Continuous, with a notch inside if given: speed_setpoint, motor_torque, load_torque to motor_speed, load_speed."""
+        import control
+
+        inner = [*self._inner(notch), _speeds(joint)]
+        outputs = ["motor_speed", "load_speed"]
+        closed = wire([*inner, disturbed()], ["speed_setpoint", *TORQUES], outputs)
+        forward = wire(inner, ["speed_setpoint", "torque"], ["drive_torque"])
+        return Loop(-control.ss(forward["drive_torque", "torque"]), closed, "speed_setpoint", "motor_speed")
+
+    def position_loop(self, joint: TwoMass, notch: Notch | None = None, where: Where = "inside") -> Loop:
+        """Continuous: angle, speed_wanted, acceleration (the Setpoint), motor_torque, load_torque to motor_angle, motor_speed,
+        load_angle, load_speed.
+        """
+        inside, upstream = _placed(notch, where)
+        return self._whole([*self._inner(inside), *self._outer(upstream and upstream.system), _angles(joint)])
+
+    def sampled_loop(self, joint: TwoMass, period_s: float, notch: Notch | None = None, where: Where = "inside") -> Loop:
+        """position_loop as CascadeController closes it, with the torque held for a sample; without the torque limit.
+
+        Raises ServoError for a sample time out of bounds, BeyondNyquist for a notch that it cannot hold.
+        """
+        import control
+
+        check_period(period_s)
+        inside, upstream = (n and n.sampled(period_s) for n in _placed(notch, where))
+        a, kp = _filter_pole(self.speed_filter_s, period_s), self.speed_gain_n_m_s_rad
+        share = (1.0 - a) / period_s
+        ki = kp * period_s / self.reset_time_s
+        encoder = control.ss(a, 1.0, share * (a - 1.0), share, period_s, inputs="motor_angle", outputs="speed")
+        pi = control.ss(1.0, ki, 1.0, kp + ki, period_s, inputs="speed_error", outputs="pi_torque")
+        plant = control.sample_system(_angles(joint), period_s, method="zoh")
+        plant = control.ss(plant, inputs=_angles(joint).input_labels, outputs=_angles(joint).output_labels)
+        inner = [encoder, pi, *self._torques(inside), *self._outer(upstream)]
+        return self._whole([*inner, plant])
+
+    def _whole(self, blocks: list[Any]) -> Loop:
+        import control
+
+        outputs = ["motor_angle", "motor_speed", "load_angle", "load_speed"]
+        closed = wire([*blocks, disturbed()], [*SETPOINT, *TORQUES], outputs)
+        forward = wire(blocks, [*SETPOINT, "torque"], ["drive_torque"])
+        return Loop(-control.ss(forward["drive_torque", "torque"]), closed, "angle", "motor_angle")
+
+    def _inner(self, notch: Notch | None) -> list[Any]:
+        """Speed to torque, continuous."""
+        import control
+
+        kp, ki = self.speed_gain_n_m_s_rad, self.speed_gain_n_m_s_rad / self.reset_time_s
+        lag = control.tf([1.0], [self.speed_filter_s, 1.0]) if self.speed_filter_s else None
+        encoder = _named(lag, "motor_speed", "speed")
+        pi = control.ss(0.0, ki, 1.0, kp, inputs="speed_error", outputs="pi_torque")
+        return [encoder, pi, *self._torques(notch and notch.system)]
+
+    def _torques(self, notch: Any | None) -> list[Any]:
+        import control
+
+        j = self.feed_forward_inertia_kg_m2
+        return [
+            control.summing_junction(["speed_setpoint", "-speed"], "speed_error"),
+            control.ss([], [], [], [[1.0, j]], inputs=["pi_torque", "acceleration"], outputs="wanted_torque"),
+            _named(notch, "wanted_torque", "drive_torque"),
+        ]
+
+    def _outer(self, notch: Any | None) -> list[Any]:
+        import control
+
+        gains = [[self.position_gain_1_s, self.speed_feed_forward]]
+        return [
+            control.summing_junction(["angle", "-motor_angle"], "angle_error"),
+            control.ss([], [], [], gains, inputs=["angle_error", "speed_wanted"], outputs="speed_wish"),
+            _named(notch, "speed_wish", "speed_setpoint"),
+        ]
+
+
+class CascadeController:
+    """The cascade at a sample time; a Controller.
+
+    The speed is the difference of two angles, then filtered. While the torque is limited, the integrator takes no error that
+    would drive it further.
+    """
+
+    def __init__(self, design: Cascade, period_s: float, notch: Notch | None = None, where: Where = "inside") -> None:
+        """Raises ServoError for a sample time out of bounds, BeyondNyquist for a notch that it cannot hold."""
+        check_period(period_s)
+        self.design, self.period_s = design, period_s
+        self._filter_pole = _filter_pole(design.speed_filter_s, period_s)
+        self._integral_gain = design.speed_gain_n_m_s_rad * period_s / design.reset_time_s
+        self._inside, self._upstream = (n and Block(n.sampled(period_s)) for n in _placed(notch, where))
+        self.reset()
+
+    def step(self, setpoint: Setpoint, motor_angle_rad: float) -> float:
+        """Torque [N m] to hold until the next sample."""
+        d = self.design
+        wish = d.position_gain_1_s * (setpoint.angle_rad - motor_angle_rad) + d.speed_feed_forward * setpoint.speed_rad_s
+        if self._upstream:
+            wish = self._upstream.step(wish)
+        error = wish - self._speed(motor_angle_rad)
+        push = self._integral_gain * error
+        torque = d.speed_gain_n_m_s_rad * error + self._integral + push
+        torque += d.feed_forward_inertia_kg_m2 * setpoint.acceleration_rad_s2
+        if self._inside:
+            torque = self._inside.step(torque)
+        limited = min(max(torque, -d.torque_limit_n_m), d.torque_limit_n_m)
+        if limited == torque or push * torque < 0.0:
+            self._integral += push
+        return limited
+
+    def reset(self) -> None:
+        """Back to rest at 0."""
+        self._integral = self._last_angle = self._last_speed = 0.0
+        for block in (self._inside, self._upstream):
+            if block:
+                block.reset()
+
+    def _speed(self, motor_angle_rad: float) -> float:
+        raw = (motor_angle_rad - self._last_angle) / self.period_s
+        self._last_angle = motor_angle_rad
+        self._last_speed = raw + self._filter_pole * (self._last_speed - raw)
+        return self._last_speed
+
+
+def _placed(notch: Notch | None, where: Where) -> tuple[Notch | None, Notch | None]:
+    """(inside, upstream)"""
+    return (notch, None) if where == "inside" else (None, notch)
+
+
+def _filter_pole(filter_s: float, period_s: float) -> float:
+    return math.exp(-period_s / filter_s) if filter_s else 0.0
+
+
+def _speeds(joint: TwoMass) -> Any:
+    """The joint without the pole of its angle: states qm', n ql' and qm - n ql."""
+    import control
+
+    a, b = joint.state_matrix, joint.input_matrix
+    return control.ss(
+        [[a[1, 1], a[1, 3], a[1, 0]], [a[3, 1], a[3, 3], a[3, 0]], [1.0, -1.0, 0.0]],
+        [b[1], b[3], [0.0, 0.0]],
+        np.eye(2, 3),
+        np.zeros((2, 2)),
+        inputs=["torque", "load_torque"],
+        outputs=["motor_speed", "load_speed"],
+    )
+
+
+def _angles(joint: TwoMass) -> Any:
+    """joint.plant with its input named as the loops need it."""
+    import control
+
+    return control.ss(joint.plant, inputs=["torque", "load_torque"], outputs=joint.plant.output_labels)
+
+
+def _named(system: Any | None, source: str, target: str) -> Any:
+    """The block under its names; without one what comes goes through."""
+    import control
+
+    passing = control.ss([], [], [], [[1.0]])
+    return control.ss(passing if system is None else system, inputs=source, outputs=target)
+
+
+def disturbed() -> Any:
+    """The drive's torque and a disturbance of the motor, in one."""
+    import control
+
+    return control.summing_junction(["drive_torque", "motor_torque"], "torque")
+
+
+def wire(blocks: list[Any], inputs: list[str], outputs: list[str]) -> Any:
+    """Connect what bears the same name (control.StateSpace)."""
+    import control
+
+    whole = control.interconnect(blocks, inputs=inputs, outputs=outputs, check_unused=False)
+    return control.ss(whole, inputs=inputs, outputs=outputs)

@@ -1,0 +1,169 @@
+"""One controller moves one bench: a step a sample, everything recorded."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planners.pieces import FloatArray
+from planners.trajectory import Trajectory
+from rig.errors import RunFailed
+from rig.servo.setpoint import Controller, Setpoint
+
+SETTLED = 0.01  # of the largest reference speed
+QUIET = 0.2  # of the watch: its end, in which the accelerometer's speed is taken as 0
+
+
+class Reading(Protocol):
+    """What the sensors say now."""
+
+    @property
+    def motor_angle_rad(self) -> float:
+        """By the encoder."""
+        ...
+
+    @property
+    def load_acceleration_rad_s2(self) -> float:
+        """By the accelerometer, at the load's shaft."""
+        ...
+
+
+class Truth(Protocol):
+    """What only records, analysis and tests may know."""
+
+    @property
+    def load_angle_rad(self) -> float:
+        """At the load's shaft."""
+        ...
+
+    @property
+    def load_speed_rad_s(self) -> float:
+        """At the load's shaft."""
+        ...
+
+    @property
+    def applied_torque_n_m(self) -> float:
+        """Of the motor, within its limit."""
+        ...
+
+    @property
+    def integration_error_rad(self) -> float:
+        """The bench's bound of its own error, at the motor."""
+        ...
+
+
+class Bench(Protocol):
+    """A joint behind its drive, real or simulated."""
+
+    def advance(self, torque_n_m: float, duration_s: float) -> None:
+        """Hold the torque for one sample."""
+        ...
+
+    def read(self) -> Reading:
+        """The sensors."""
+        ...
+
+    def truth(self) -> Truth:
+        """The bench's own state."""
+        ...
+
+
+class Recording(NamedTuple):
+    """A run; every array (N,), the load's at its own shaft."""
+
+    t_s: FloatArray
+    end_s: float  # of the reference
+    reference_rad: FloatArray  # where the load should be
+    reference_rad_s: FloatArray
+    load_rad: FloatArray  # truth
+    load_rad_s: FloatArray  # truth
+    measured_rad_s: FloatArray  # the load's speed by integrating its accelerometer
+    torque_n_m: FloatArray  # that the motor really made, held from this sample to the next
+    integration_error_rad: float  # the bench's own bound, at the motor
+
+
+class Outcome(NamedTuple):
+    """What a run amounts to; the residual is the largest |speed| of the load after the end of the move."""
+
+    residual: float  # share of the largest reference speed
+    residual_measured: float  # the same by the accelerometer
+    settling_s: float  # after the end of the move until |speed| stays below SETTLED of the largest one; inf if never
+    speed_error: float  # rms over the run, share likewise
+    overshoot_deg: float  # of the load beyond the goal
+    final_error_deg: float  # of the load, at the end of the watch
+    peak_torque_n_m: float
+    rms_torque_n_m: float  # over the move
+
+
+def run(
+    bench: Bench, controller: Controller, trajectory: Trajectory, gear_ratio: float, period_s: float, watch_s: float
+) -> Recording:
+    """Move along the trajectory (angle of the motor [rad]) and watch; the bench must be at rest at its start.
+
+    Raises RunFailed when the bench cannot go on, e.g. under a controller that is unstable.
+    """
+    samples = math.ceil((trajectory.duration_s + watch_s) / period_s - 1e-9) + 1
+    t = period_s * np.arange(samples, dtype=np.float64)
+    wanted = np.stack([trajectory.at(np.minimum(t, trajectory.duration_s), order) for order in range(3)], axis=1)
+    wanted[t >= trajectory.duration_s, 1:] = 0.0
+    rows = np.empty((samples, 4))
+    for k, setpoint in enumerate(wanted.tolist()):
+        reading, truth = bench.read(), bench.truth()
+        rows[k, :3] = truth.load_angle_rad, truth.load_speed_rad_s, reading.load_acceleration_rad_s2
+        _hold(bench, controller.step(Setpoint(*setpoint), reading.motor_angle_rad), period_s)
+        rows[k, 3] = bench.truth().applied_torque_n_m
+    return Recording(
+        t,
+        trajectory.duration_s,
+        wanted[:, 0] / gear_ratio,
+        wanted[:, 1] / gear_ratio,
+        rows[:, 0],
+        rows[:, 1],
+        _speed(rows[:, 2], period_s, int(QUIET * watch_s / period_s)),
+        rows[:, 3],
+        bench.truth().integration_error_rad,
+    )
+
+
+def outcome(recording: Recording, late_s: float = 0.0) -> Outcome:
+    """Figures of a run whose reference moves, under a controller that is meant to be late_s later."""
+    r = recording
+    after, moving = r.t_s >= r.end_s + late_s, r.t_s < r.end_s + late_s
+    fastest, goal = float(np.abs(r.reference_rad_s).max()), float(r.reference_rad[-1])
+    beyond = (r.load_rad - goal) * math.copysign(1.0, goal)
+    return Outcome(
+        residual=float(np.abs(r.load_rad_s[after]).max()) / fastest,
+        residual_measured=float(np.abs(r.measured_rad_s[after]).max()) / fastest,
+        settling_s=_settling_s(r.t_s[after] - r.end_s - late_s, np.abs(r.load_rad_s[after]) > SETTLED * fastest),
+        speed_error=float(np.sqrt(np.mean((r.load_rad_s - r.reference_rad_s) ** 2))) / fastest,
+        overshoot_deg=math.degrees(max(0.0, float(beyond.max()))),
+        final_error_deg=math.degrees(float(beyond[-1])),
+        peak_torque_n_m=float(np.abs(r.torque_n_m).max()),
+        rms_torque_n_m=float(np.sqrt(np.mean(r.torque_n_m[moving] ** 2))),
+    )
+
+
+def _hold(bench: Bench, torque_n_m: float, period_s: float) -> None:
+    try:
+        bench.advance(torque_n_m, period_s)
+    except ValueError as error:
+        raise RunFailed(f"the bench stopped: {error}") from None
+
+
+def _settling_s(t_s: FloatArray, moves: NDArray[np.bool_]) -> float:
+    """The first instant from which it moves no more."""
+    last = np.flatnonzero(moves)
+    if not last.size:
+        return 0.0
+    return float(t_s[last[-1] + 1]) if last[-1] + 1 < t_s.size else math.inf
+
+
+def _speed(acceleration_rad_s2: FloatArray, period_s: float, quiet: int) -> FloatArray:
+    """Trapezoids added up; the sensor's bias is what makes the speed drift from rest to rest."""
+    speed = np.concatenate([[0.0], np.cumsum((acceleration_rad_s2[1:] + acceleration_rad_s2[:-1]) / 2.0 * period_s)])
+    at = np.arange(speed.size)
+    quiet = max(1, quiet)
+    return np.asarray(speed - at * (speed[-quiet:].mean() / at[-quiet:].mean()))

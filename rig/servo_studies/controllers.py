@@ -1,0 +1,148 @@
+"""The controllers of a comparison by name, each designed for the joint that is believed in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from rig.servo.cascade import Cascade, CascadeController
+from rig.servo.disturbance_observer import Compensated, DisturbanceObserver, LowPass, Nominal, ObserverDesign
+from rig.servo.estimator import Estimator, Noise, kalman
+from rig.servo.estimator import assign as assign_estimator
+from rig.servo.feed_forward import LoadFilter, least_degree
+from rig.servo.loops import swinging
+from rig.servo.lqg import StateSpaceController
+from rig.servo.notch import Notch
+from rig.servo.setpoint import Controller, Setpoint
+from rig.servo.shaped_setpoint import ShapedSetpoint, design
+from rig.servo.state_feedback import Feedback, assign, lq
+from rig.servo_studies.spec import ServoSpec
+
+SETTLED = 1e-3  # of a step: what a filter may still have to go when it counts as done
+
+
+class Drive(NamedTuple):
+    """A controller, and by how much it is meant to be later than its setpoint."""
+
+    controller: Controller
+    late_s: float = 0.0
+
+
+class Shaped:
+    """A controller behind a shaper; a Controller itself."""
+
+    def __init__(self, shaper: ShapedSetpoint, controller: Controller) -> None:
+        self._shaper, self._controller = shaper, controller
+
+    def step(self, setpoint: Setpoint, motor_angle_rad: float) -> float:
+        """Torque [N m] for the shaped setpoint."""
+        return self._controller.step(self._shaper.step(setpoint), motor_angle_rad)
+
+    def reset(self) -> None:
+        """Back to rest at 0."""
+        self._shaper.reset()
+        self._controller.reset()
+
+
+def pid(spec: ServoSpec) -> Drive:
+    """P on the position, PI on the speed, speed feed-forward: what source 001 calls PID."""
+    return Drive(CascadeController(_cascade(spec), spec.drive.period_s))
+
+
+def pid_notch(spec: ServoSpec) -> Drive:
+    """With a notch upstream of the speed loop, on that loop's least damped pair."""
+    cascade = _cascade(spec)
+    pair = min(swinging(cascade.speed_loop(spec.joint).facts.poles_1_s), key=lambda mode: mode.damping)
+    notch = Notch.tuned_to(pair, spec.helpers.notch_damping)
+    return Drive(CascadeController(cascade, spec.drive.period_s, notch, "upstream"))
+
+
+def pid_observer(spec: ServoSpec) -> Drive:
+    """With a torque disturbance observer that believes in the motor alone."""
+    low_pass = LowPass(time_constant_s=spec.helpers.observer_time_s)
+    observer = ObserverDesign(low_pass=low_pass, nominal=Nominal.motor_alone(spec.joint))
+    inner = CascadeController(_cascade(spec), spec.drive.period_s)
+    return Drive(Compensated(inner, DisturbanceObserver(observer, spec.drive.period_s), spec.drive.torque_limit_n_m))
+
+
+def pid_shaped(spec: ServoSpec) -> Drive:
+    """Behind a shaper for the position loop's least damped pair, which the load shows."""
+    cascade, period_s = _cascade(spec), spec.drive.period_s
+    pair = min(swinging(cascade.position_loop(spec.joint).facts.poles_1_s), key=lambda mode: mode.damping)
+    shaper = design(spec.helpers.shaper, [pair], period_s)
+    inner = CascadeController(cascade, period_s)
+    return Drive(Shaped(ShapedSetpoint(shaper, period_s), inner), float(shaper.times_s[-1]))
+
+
+def assigned(spec: ServoSpec) -> Drive:
+    """State feedback and Luenberger observer with the eigenvalues of the file, rigid feed-forward."""
+    a, period_s = spec.assigned, spec.drive.period_s
+    feedback = assign(spec.joint, [complex(*pole) for pole in a.poles_1_s], period_s)
+    estimator = assign_estimator(spec.joint, [complex(*pole) for pole in a.estimator_poles_1_s], period_s)
+    return Drive(_state_space(spec, feedback, estimator, "rigid"))
+
+
+def lqg(spec: ServoSpec) -> Drive:
+    """Quadratic cost and Kalman filter, rigid feed-forward."""
+    return Drive(_state_space(spec, *_optimal(spec), "rigid"))
+
+
+def lqg_ff(spec: ServoSpec) -> Drive:
+    """The same with the feed-forward pair C1, C2: the load follows the filter F0."""
+    load_filter = LoadFilter.binomial(least_degree(spec.joint), spec.lqg.corner_rad_s)
+    controller = _state_space(spec, *_optimal(spec), "dynamic", load_filter)
+    return Drive(controller, _settling_s(load_filter))
+
+
+CONTROLLERS: dict[str, Callable[[ServoSpec], Drive]] = {
+    "pid": pid,
+    "pid_notch": pid_notch,
+    "pid_observer": pid_observer,
+    "pid_shaped": pid_shaped,
+    "assigned": assigned,
+    "lqg": lqg,
+    "lqg_ff": lqg_ff,
+}
+
+
+def _cascade(spec: ServoSpec) -> Cascade:
+    p = spec.pid
+    limit = spec.drive.torque_limit_n_m
+    return Cascade.normalised(spec.joint, p.speed_crossover, p.position_crossover, p.reset_time, torque_limit_n_m=limit)
+
+
+def _optimal(spec: ServoSpec) -> tuple[Feedback, Estimator]:
+    g = spec.lqg
+    noise = Noise(
+        motor_torque_n2_m2_s=g.torque_noise_n2_m2_s,
+        load_torque_n2_m2_s=g.torque_noise_n2_m2_s,
+        encoder_counts_per_rev=g.encoder_counts_per_rev,
+        encoder_period_s=spec.drive.period_s,
+    )
+    return lq(spec.joint, g.state_weights, g.torque_weight), kalman(spec.joint, noise)
+
+
+def _state_space(
+    spec: ServoSpec, feedback: Feedback, estimator: Estimator, ahead: str, load_filter: LoadFilter | None = None
+) -> Controller:
+    return StateSpaceController(
+        spec.joint,
+        feedback,
+        estimator,
+        spec.drive.period_s,
+        torque_limit_n_m=spec.drive.torque_limit_n_m,
+        feed_forward=ahead,
+        load_filter=load_filter,
+    )
+
+
+def _settling_s(load_filter: LoadFilter) -> float:
+    """When its step response is within SETTLED of 1 for good."""
+    import control
+
+    slowest = -max(root.real for root in np.roots(load_filter.denominator))
+    t = np.linspace(0.0, 30.0 / slowest, 3001)
+    step = control.step_response(control.tf(load_filter.numerator, load_filter.denominator), t).outputs
+    return float(t[np.flatnonzero(np.abs(step - 1.0) > SETTLED)[-1] + 1])

@@ -1,0 +1,227 @@
+"""What a torque disturbance observer does to an elastic joint, over the time constant of its filter (source 001, TDO).
+
+Q = 1 / (1 + s T_f), with the motor alone or the whole elastic joint as nominal model, before a stiff and an elastic load.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from planners.pieces import ComplexArray, FloatArray
+from rig.servo.disturbance_observer import LowPass, Nominal, ObserverDesign, Place, Ratio
+from rig.servo.errors import ServoError, check_datum
+from rig.servo.loops import Mode, modes, swinging
+from rig.servo.two_mass import TwoMass
+
+TIME_CONSTANTS_S = (1e-9, 1e-4, 5e-4, 1e-3, 2e-3, 5e-3, 2e-2, 1e9)
+LOW = 0.01  # times omega_z: a frequency that counts as low
+PERIODS = 12.0  # of omega_z: how long a response is watched
+POINTS = 6001  # of a response
+SPREAD = 1e4  # a filter this much faster or slower than the joint is at its limit
+GRID = 400  # time constants tried between those limits
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObserverTask:
+    """A joint, the time constants, and the rigid nominal (the motor alone unless given). Raises ServoError for no such task."""
+
+    joint: TwoMass
+    time_constants_s: tuple[float, ...] = TIME_CONSTANTS_S
+    nominal_inertia_kg_m2: float | None = None
+
+    def __post_init__(self) -> None:
+        self.joint.check_elastic()
+        if not self.time_constants_s:
+            raise ServoError("time_constants_s = (); must be one or more: give them in s")
+        for value in self.time_constants_s:
+            check_datum("time constant", value)
+        _ = self.rigid, self.elastic
+
+    @property
+    def rigid(self) -> Nominal:
+        """1 / (J s + Dm)."""
+        j = self.joint
+        inertia = j.motor_inertia_kg_m2 if self.nominal_inertia_kg_m2 is None else self.nominal_inertia_kg_m2
+        return Nominal.rigid(inertia, j.motor_friction_n_m_s_rad)
+
+    @property
+    def elastic(self) -> Nominal:
+        """The joint itself."""
+        return Nominal.elastic(self.joint)
+
+    @property
+    def bare(self) -> Mode:
+        """The joint's own least damped pair."""
+        return min(swinging(self.joint.poles_1_s), key=lambda mode: mode.damping)
+
+    @property
+    def locked(self) -> Mode:
+        """How the load swings while the motor stands; damping 1 where it does not."""
+        return modes(_roots(self.joint.motor_numerator))[0]
+
+
+class Course(NamedTuple):
+    """The load's speed after a step of torque, at the motor's side of the gear; (N,) each."""
+
+    t_s: FloatArray
+    speed_rad_s: FloatArray
+
+    @property
+    def peak_rad_s(self) -> float:
+        """Largest |speed|."""
+        return float(np.abs(self.speed_rad_s).max())
+
+    @property
+    def rings(self) -> float:
+        """Total variation beyond up to the peak and on to the end, over that."""
+        peak = self.speed_rad_s[int(np.abs(self.speed_rad_s).argmax())]
+        least = float(abs(peak) + abs(peak - self.speed_rad_s[-1]))
+        return max(0.0, float(np.abs(np.diff(self.speed_rad_s)).sum()) / least - 1.0)
+
+
+class Rejection(NamedTuple):
+    """One nominal at one time constant. Speeds of the load per N m, at the motor's side."""
+
+    pair: Mode | None  # the least damped that a torque on the motor moves
+    low: float  # |speed over torque on the motor| at LOW omega_z, over that without observer
+    peak_rad_s_n_m: float  # the largest of all frequencies
+    motor_step_peak_rad_s: float
+    motor_step_rings: float
+    load_step_peak_rad_s: float
+    load_step_rings: float
+
+
+class ObserverRow(NamedTuple):
+    """One time constant."""
+
+    time_constant_s: float
+    rigid: Rejection
+    elastic: Rejection
+    stiff: Mode  # the least damped pole of a stiff load (Jm + Jlr in one) under the rigid nominal
+    stiff_low: float  # like low, of the stiff load
+    printed: Mode | None  # the pair that H_f as source 001 prints it would have
+
+
+class Turns(NamedTuple):
+    """Where the rigid nominal turns from exciting the load to damping it."""
+
+    break_even_s: float | None  # shorter time constants leave the pair less damped than no observer; None if none or all do
+    best_s: float
+    best: Mode | None  # the pair there; None: nothing swings
+
+
+def study(task: ObserverTask) -> tuple[ObserverRow, ...]:
+    """All time constants, shortest first."""
+    return tuple(_row(task, time_constant_s) for time_constant_s in sorted(task.time_constants_s))
+
+
+def without(task: ObserverTask) -> Rejection:
+    """The joint alone."""
+    return _rejection(task, task.bare, _alone(task.joint, "motor"), _alone(task.joint, "load"))
+
+
+def design(nominal: Nominal, time_constant_s: float) -> ObserverDesign:
+    """With the lecture's filter of the first order."""
+    return ObserverDesign(low_pass=LowPass(time_constant_s=time_constant_s), nominal=nominal)
+
+
+def damping(task: ObserverTask, time_constant_s: float) -> float:
+    """Of the least damped pair under the rigid nominal; 1 where nothing swings."""
+    pair = design(task.rigid, time_constant_s).elastic_pair(task.joint)
+    return 1.0 if pair is None else pair.damping
+
+
+def turns(task: ObserverTask) -> Turns:
+    """Over time constants from the joint's 1 / omega_z / SPREAD to SPREAD / omega_z."""
+    from scipy.optimize import brentq, minimize_scalar
+
+    centre = -np.log(task.joint.antiresonance_rad_s)
+    grid = np.linspace(centre - np.log(SPREAD), centre + np.log(SPREAD), GRID)
+    found = np.array([damping(task, float(np.exp(x))) for x in grid])
+    top = int(found.argmax())
+    low, high = grid[max(top - 1, 0)], grid[min(top + 1, GRID - 1)]
+    best = float(np.exp(minimize_scalar(lambda x: -damping(task, float(np.exp(x))), bounds=(low, high), method="bounded").x))
+    more = np.flatnonzero(found[: top + 1] <= task.bare.damping)
+    crossing = None
+    if more.size and more[-1] < top:
+        ends = float(grid[more[-1]]), float(grid[more[-1] + 1])
+        crossing = float(np.exp(brentq(lambda x: damping(task, float(np.exp(x))) - task.bare.damping, *ends)))
+    return Turns(crossing, best, design(task.rigid, best).elastic_pair(task.joint))
+
+
+def course(task: ObserverTask, nominal: Nominal | None, time_constant_s: float, torque: Place) -> Course:
+    """The load's speed after 1 N m on motor or load, exactly; without observer for nominal = None."""
+    if nominal is None:
+        return _step(task, _alone(task.joint, torque))
+    return _step(task, design(nominal, time_constant_s).disturbance(task.joint, torque, "load"))
+
+
+def printed_poles_1_s(joint: TwoMass, time_constant_s: float) -> ComplexArray:
+    """Of H_f = (Jlr s^2 + Del s + Kel)(Jm s^2 + Dm s) + G_f (Del s + Kel) Jm s^2, which source 001 prints with Jm for Jlr."""
+    motor = np.array([joint.motor_inertia_kg_m2, joint.motor_friction_n_m_s_rad])
+    wrong = np.polymul([joint.motor_inertia_kg_m2, joint.reflected_friction_n_m_s_rad, 0.0], joint.load_numerator)
+    whole = np.polymul([time_constant_s, 1.0], np.polymul(joint.motor_numerator, motor))
+    return _roots(np.asarray(np.polyadd(whole, time_constant_s * wrong)))
+
+
+def _row(task: ObserverTask, time_constant_s: float) -> ObserverRow:
+    stiff, stiff_low = _stiff(task, time_constant_s)
+    printed = swinging(printed_poles_1_s(task.joint, time_constant_s))
+    return ObserverRow(
+        time_constant_s=time_constant_s,
+        rigid=_observed(task, design(task.rigid, time_constant_s)),
+        elastic=_observed(task, design(task.elastic, time_constant_s)),
+        stiff=stiff,
+        stiff_low=stiff_low,
+        printed=min(printed, key=lambda mode: mode.damping, default=None),
+    )
+
+
+def _observed(task: ObserverTask, own: ObserverDesign) -> Rejection:
+    motor, load = own.disturbance(task.joint, "motor", "load"), own.disturbance(task.joint, "load", "load")
+    return _rejection(task, own.elastic_pair(task.joint), motor, load)
+
+
+def _rejection(task: ObserverTask, pair: Mode | None, motor: Ratio, load: Ratio) -> Rejection:
+    omega = task.joint.antiresonance_rad_s
+    grid = omega * np.logspace(-3.0, 2.0, 4001)
+    low = np.array([LOW * omega])
+    bare = np.abs(_alone(task.joint, "motor").at(low))[0]
+    steps = _step(task, motor), _step(task, load)
+    return Rejection(
+        pair,
+        float(np.abs(motor.at(low))[0] / bare),
+        float(np.abs(motor.at(grid)).max()),
+        *(figure for step in steps for figure in (step.peak_rad_s, step.rings)),
+    )
+
+
+def _stiff(task: ObserverTask, time_constant_s: float) -> tuple[Mode, float]:
+    """Least damped pole, and rejection at LOW omega_z: T s P^-1 + Pn^-1 with P = 1 / ((Jm + Jlr) s + Dm + Dlr)."""
+    body = np.array([task.joint.rigid_inertia_kg_m2, task.joint.rigid_friction_n_m_s_rad])
+    whole = np.polyadd(np.polymul([time_constant_s, 0.0], body), task.rigid.denominator)
+    s = 1j * LOW * task.joint.antiresonance_rad_s
+    low = abs(time_constant_s * s * np.polyval(body, s) / np.polyval(whole, s))
+    return min(modes(_roots(np.asarray(whole))), key=lambda mode: mode.damping), float(low)
+
+
+def _alone(joint: TwoMass, torque: Place) -> Ratio:
+    """The load's speed over a torque, without observer."""
+    own = np.polyadd([joint.motor_inertia_kg_m2, joint.motor_friction_n_m_s_rad, 0.0], joint.load_numerator)
+    return Ratio(joint.load_numerator if torque == "motor" else np.asarray(own), joint.denominator[:-1])
+
+
+def _step(task: ObserverTask, ratio: Ratio) -> Course:
+    """By residues: all poles are single, as the filter is of the first order."""
+    t = np.linspace(0.0, PERIODS * 2.0 * np.pi / task.joint.antiresonance_rad_s, POINTS)
+    below = np.append(ratio.denominator, 0.0)  # times 1 / s
+    poles = np.roots(below)
+    residues = np.polyval(ratio.numerator, poles) / np.polyval(np.polyder(below), poles)
+    return Course(t, np.asarray((np.exp(np.outer(t, poles)) @ residues).real))
+
+
+def _roots(polynomial: FloatArray) -> ComplexArray:
+    return np.asarray(np.roots(polynomial), dtype=np.complex128)

@@ -1,0 +1,153 @@
+"""A comparison of drive controllers: moves, belief, gains, and the truths they are tried on; from a TOML file."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+from msgspec import Meta
+
+from planners.laws.trapezoidal import trapezoidal_by_acceleration
+from planners.trajectory import Trajectory
+from rig.config import Section, convert, nearest, override, read_text
+from rig.errors import ConfigError
+from rig.servo.two_mass import TwoMass
+
+SHIPPED = "source_001"
+Positive = Annotated[float, Meta(gt=0, le=1e12)]
+NotNegative = Annotated[float, Meta(ge=0, le=1e12)]
+Share = Annotated[float, Meta(gt=0, le=1e3)]
+
+
+class MoveSection(Section, frozen=True, kw_only=True):
+    """`[[move]]`: a trapezoid of speed, from rest to rest."""
+
+    load_angle_deg: Annotated[float, Meta(ge=-1e6, le=1e6)]
+    time_s: Annotated[float, Meta(gt=0, le=60)]
+    motor_acceleration_rad_s2: Positive
+
+    @property
+    def title(self) -> str:
+        """As a table names it."""
+        return f"{self.load_angle_deg:g}° in {self.time_s:g} s"
+
+    def trajectory(self, gear_ratio: float) -> Trajectory:
+        """Angle of the motor [rad]. Raises Infeasible for an acceleration that is too low for the time."""
+        angle_rad = math.radians(self.load_angle_deg) * gear_ratio
+        return trapezoidal_by_acceleration(angle_rad, self.time_s, self.motor_acceleration_rad_s2).trajectory()
+
+
+class ModelSection(Section, frozen=True, kw_only=True):
+    """`[model]`: what the controllers believe of the joint; see rig.servo.two_mass.TwoMass."""
+
+    motor_inertia_kg_m2: float
+    load_inertia_kg_m2: float
+    stiffness_n_m_rad: float
+    gear_ratio: float = 1.0
+    motor_friction_n_m_s_rad: float = 0.0
+    load_friction_n_m_s_rad: float = 0.0
+    elastic_damping_n_m_s_rad: float = 0.0
+
+
+class DriveSection(Section, frozen=True, kw_only=True):
+    """`[drive]`: sample time, the limit every controller knows, and what an ampere makes."""
+
+    period_s: Annotated[float, Meta(gt=0, le=0.1)] = 0.001
+    torque_limit_n_m: Positive = math.inf
+    torque_constant_n_m_a: Positive | None = None
+
+
+class PidSection(Section, frozen=True, kw_only=True):
+    """`[pid]`: P on the position, PI on the speed, in shares of omega_z; the reset time in 1 / omega_z."""
+
+    speed_crossover: Share = 0.7
+    position_crossover: Share = 0.15
+    reset_time: Share = 10.0
+
+
+class LqgSection(Section, frozen=True, kw_only=True):
+    """`[lqg]`: weights of [qm, qm', n ql, n ql', integral of the error] and of the torque; what the Kalman filter is told."""
+
+    state_weights: tuple[NotNegative, NotNegative, NotNegative, NotNegative, NotNegative] = (50.0, 0.0, 50.0, 0.001, 20000.0)
+    torque_weight: Positive = 1.0
+    torque_noise_n2_m2_s: Positive = 2.5e-6  # density of white torques on motor and load: 0.05 N m, a new value each ms
+    encoder_counts_per_rev: Annotated[int, Meta(ge=1, le=2**40)] = 8192
+    corner_rad_s: Positive = 150.0  # of the filter in lqg_ff
+
+
+class AssignedSection(Section, frozen=True, kw_only=True):
+    """`[assigned]`: eigenvalues, as pairs of real and imaginary part; of a conjugate pair both."""
+
+    poles_1_s: tuple[tuple[float, float], ...] = (
+        (-60.0, 60.0),
+        (-60.0, -60.0),
+        (-105.0, 105.0),
+        (-105.0, -105.0),
+        (-40.0, 0.0),
+    )
+    estimator_poles_1_s: tuple[tuple[float, float], ...] = (
+        (-400.0, 400.0),
+        (-400.0, -400.0),
+        (-300.0, 100.0),
+        (-300.0, -100.0),
+    )
+
+
+class HelpersSection(Section, frozen=True, kw_only=True):
+    """`[helpers]`: what stands beside a P/PI cascade in pid_notch, pid_observer and pid_shaped."""
+
+    notch_damping: Share = 1.0  # of the poles it puts in place of the joint's
+    observer_time_s: Positive = 0.002
+    shaper: str = "zv"
+
+
+class ServoSpec(Section, frozen=True, kw_only=True):
+    """A whole file. Truths are `[bench]` with what each says otherwise; only rig.runtime.bench reads them."""
+
+    move: Annotated[list[MoveSection], Meta(min_length=1, max_length=20)]
+    model: ModelSection
+    bench: dict[str, Any]
+    truth: dict[str, dict[str, Any]] = msgspec.field(default_factory=lambda: {"bench": {}})
+    drive: DriveSection = DriveSection()
+    pid: PidSection = PidSection()
+    lqg: LqgSection = LqgSection()
+    assigned: AssignedSection = AssignedSection()
+    helpers: HelpersSection = HelpersSection()
+    seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 1
+    watch_s: Annotated[float, Meta(gt=0, le=60)] = 0.5
+
+    @property
+    def joint(self) -> TwoMass:
+        """The belief. Raises ServoError for a value out of bounds."""
+        return TwoMass(**msgspec.structs.asdict(self.model))
+
+    def truth_tables(self, name: str) -> dict[str, Any]:
+        """What the bench is made of. Raises ConfigError for a truth that the file has not."""
+        if name not in self.truth:
+            raise ConfigError(f"--truth {name!r}: not in the file{nearest(name, self.truth)}; known: {', '.join(self.truth)}")
+        return self.bench | self.truth[name]
+
+
+def load(path: Path | None, overrides: Sequence[str] = ()) -> ServoSpec:
+    """The shipped comparison or a file, with `section.key=value` overrides.
+
+    Raises ConfigError naming section, key, value, bound and the nearest known key.
+    """
+    name = str(path or SHIPPED)
+    text = read_text(path, "servo comparison") if path else _shipped()
+    try:
+        tables = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"servo comparison '{name}' is not valid TOML: {error}; mend that line") from None
+    for change in overrides:
+        override(tables, change)
+    return convert(tables, ServoSpec)
+
+
+def _shipped() -> str:
+    return (resources.files("rig") / "servo_studies" / f"{SHIPPED}.toml").read_text()
