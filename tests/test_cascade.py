@@ -15,6 +15,7 @@ from rig.servo.loops import Mode, modes, swinging
 from rig.servo.notch import Notch
 from rig.servo.setpoint import Setpoint
 from rig.servo.two_mass import TwoMass
+from rig.servo.wiring import position_loop
 
 FIGURES = tomllib.loads((Path(__file__).parent / "data" / "servo_loops.toml").read_text())
 EXAMPLE = FIGURES["example"]
@@ -112,7 +113,7 @@ def test_the_opened_loop_is_the_product_of_its_blocks(notch, where):
 
 @pytest.mark.parametrize(("notch", "where"), PLACES)
 def test_one_plus_the_sampled_loop_is_the_ratio_of_the_characteristic_polynomials(notch, where):
-    loop = GAINS.sampled_loop(JOINT, 5e-4, notch, where)
+    loop = position_loop(JOINT, [GAINS.sampled(5e-4, notch, where)], 5e-4)
     for z in (1.1 + 0.2j, 0.9 + 0.3j, -0.5 + 0.1j):
         ratio = np.prod(z - loop.closed.poles()) / np.prod(z - loop.opened.poles())
         assert 1.0 + complex(loop.opened(z)) == pytest.approx(ratio, rel=1e-6)
@@ -123,7 +124,7 @@ def test_the_sampled_loop_tends_to_the_continuous_one():
         right = modes(GAINS.position_loop(JOINT, notch, where).closed.poles())
         off = []
         for period_s in (4e-5, 1e-5):
-            found = modes(np.log(GAINS.sampled_loop(JOINT, period_s, notch, where).closed.poles()) / period_s)
+            found = position_loop(JOINT, [GAINS.sampled(period_s, notch, where)], period_s).facts.modes
             near = [min(abs(mode.frequency_rad_s / one.frequency_rad_s - 1.0) for mode in found) for one in right]
             off.append(max(near))
         assert off[1] < 0.3 * off[0] < 0.02
@@ -134,7 +135,7 @@ def test_the_sampled_loop_tends_to_the_continuous_one():
 def test_the_controller_moves_a_joint_as_its_sampled_loop_says(notch, where, filter_s):
     period_s, steps = 5e-4, 400
     gains = Cascade.normalised(JOINT, speed_filter_s=filter_s, feed_forward_inertia_kg_m2=0.7, speed_feed_forward=0.9)
-    loop = gains.sampled_loop(JOINT, period_s, notch, where)
+    loop = position_loop(JOINT, [CascadeController(gains, period_s, notch, where).system], period_s)
     pushes = np.array([1.0, 2.0, 30.0, 4.0, 5.0])  # angle, speed, acceleration, motor and load torque
     controller = CascadeController(gains, period_s, notch, where)
     states, _ = Joint(JOINT, period_s).run(controller, Setpoint(1.0, 2.0, 30.0), steps, motor_torque=4.0, load_torque=5.0)
@@ -265,6 +266,6 @@ def test_gains_out_of_bounds_are_refused(change, said):
 def test_a_controller_without_a_sample_time_or_with_a_notch_it_cannot_hold_is_refused():
     with pytest.raises(ServoError, match=r"period_s = 0.0; must be"):
         CascadeController(GAINS, 0.0)
-    for make in (CascadeController, lambda gains, *rest: gains.sampled_loop(JOINT, *rest)):
+    for make in (CascadeController, Cascade.sampled):
         with pytest.raises(BeyondNyquist, match=r"frequency_rad_s = 282.843 rad/s"):
             make(GAINS, 0.02, INSIDE)

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from rig.servo.cascade import Cascade, CascadeController
-from rig.servo.disturbance_observer import Compensated, DisturbanceObserver, LowPass, Nominal, ObserverDesign
+from rig.servo.disturbance_design import LowPass, Nominal, ObserverDesign
+from rig.servo.disturbance_observer import Compensated, DisturbanceObserver
 from rig.servo.errors import BeyondNyquist, Improper, ServoError
 from rig.servo.loops import modes, swinging
 from rig.servo.setpoint import Setpoint

@@ -21,6 +21,7 @@ from rig.servo.lqg import StateSpaceController, compensator, continuous_facts
 from rig.servo.setpoint import Setpoint
 from rig.servo.state_feedback import Feedback, assign, lq
 from rig.servo.two_mass import TwoMass
+from rig.servo.wiring import position_loop
 
 DATA = tomllib.loads((Path(__file__).parent / "data" / "servo_state_space.toml").read_text())
 JOINTS = {name: TwoMass(**keys) for name, keys in DATA["joints"].items()}
@@ -38,6 +39,10 @@ class Run(NamedTuple):
 
 def drive(joint, period_s=1e-3, **keys):
     return StateSpaceController(joint, lq(joint, DATA["lq"]["weights"]), kalman(joint), period_s, **keys)
+
+
+def facts(controller, period_s):
+    return position_loop(LISTED, [controller.system], period_s).facts
 
 
 def run(controller, setpoint, time_s, period_s=1e-3, joint=LISTED, load_n_m=0.0, motor_n_m=0.0, fine=5, start=(0, 0, 0, 0)):
@@ -110,7 +115,7 @@ def test_observer_and_feedback_keep_their_poles_when_put_together():
 @pytest.mark.parametrize("period_s", [1e-4, 1e-3, 2e-3])
 def test_the_sampled_loop_has_the_poles_of_the_design_at_any_sample_time(period_s):
     apart = np.concatenate([FEEDBACK.poles_1_s(LISTED), ESTIMATOR.poles_1_s(LISTED)])
-    found = StateSpaceController(LISTED, FEEDBACK, ESTIMATOR, period_s).facts().poles_1_s
+    found = facts(StateSpaceController(LISTED, FEEDBACK, ESTIMATOR, period_s), period_s).poles_1_s
     np.testing.assert_allclose(np.sort_complex(found), np.sort_complex(apart), rtol=1e-6)
 
 
@@ -137,7 +142,7 @@ def test_margins_are_those_of_the_frequency_response(period_s):
         plant = np.linalg.solve(z * np.eye(4) - whole[:4, :4], whole[:4, 4])[0]
         back = drive_now.C @ np.linalg.solve(z * np.eye(5) - drive_now.A, drive_now.B[:, 3:]) + drive_now.D[:, 3:]
         loop[i] = -plant * back[0, 0]
-    margins = controller.facts().margins
+    margins = facts(controller, period_s).margins
     crossings = np.flatnonzero((np.abs(loop[:-1]) - 1.0) * (np.abs(loop[1:]) - 1.0) < 0.0)
     phases = np.abs(np.degrees(np.angle(-loop[crossings])))
     assert margins.phase_deg == pytest.approx(phases.min(), abs=0.1)

@@ -7,6 +7,7 @@ import math
 import tomllib
 from pathlib import Path
 
+import control
 import msgspec
 import numpy as np
 import pytest
@@ -15,8 +16,12 @@ from planners.drives.motor import Drivetrain, effort
 from planners.errors import Infeasible, PlanError
 from rig.errors import ConfigError
 from rig.servo.errors import PolesOutOfReach
+from rig.servo.estimator import kalman
+from rig.servo.loops import swinging
+from rig.servo.setpoint import Setpoint
+from rig.servo.state_feedback import lq
 from rig.servo_studies import bench_run
-from rig.servo_studies.compare import Row, compare
+from rig.servo_studies.compare import Row, compare, designs
 from rig.servo_studies.controllers import CONTROLLERS
 from rig.servo_studies.spec import load
 
@@ -105,6 +110,32 @@ def test_with_the_feed_forward_pair_the_load_follows_the_filter_and_hardly_anyth
     assert rows["together", move, "lqg_ff"].outcome.residual < 0.3 * rows["together", move, "lqg"].outcome.residual
 
 
+@pytest.mark.parametrize("name", [name for name in CONTROLLERS if name != "pid_shaped"])
+def test_a_controller_steps_as_the_linear_system_that_its_loop_is_judged_by(name):
+    spec = load(None, ["drive.torque_limit_n_m=1e9"])
+    controller, random = CONTROLLERS[name](spec).controller, np.random.default_rng(1)
+    told = random.normal(size=(4, 200)).cumsum(axis=1)
+    right = np.asarray(control.forced_response(controller.system, inputs=told).outputs)
+    found = [controller.step(Setpoint(*row[:3]), row[3]) for row in told.T.tolist()]
+    assert found == pytest.approx(right, abs=1e-9 * float(np.abs(right).max()))
+
+
+def test_designs_are_judged_by_their_loops():
+    found = designs(SPEC, list(CONTROLLERS))
+    assert found["pid"].condition == found["pid_shaped"].condition  # a shaper is outside of the loop
+    assert found["lqg"].margins == found["lqg_ff"].margins
+    for name, facts in found.items():
+        assert facts.poles_1_s.real.max() < 0.0, name
+        joint_s_own = [mode for mode in swinging(facts.zeros_1_s) if mode.frequency_rad_s < 3000.0]
+        assert joint_s_own[0] == pytest.approx((107.15, 0.038), rel=0.01)  # the load swings while the motor stands
+        assert facts.margins.phase_deg > 30.0
+        assert facts.condition > 1.0
+    apart = np.concatenate(
+        [lq(SPEC.joint, SPEC.lqg.state_weights).poles_1_s(SPEC.joint), kalman(SPEC.joint).poles_1_s(SPEC.joint)]
+    )
+    assert np.sort_complex(found["lqg"].poles_1_s) == pytest.approx(np.sort_complex(apart), rel=1e-6)
+
+
 def test_the_accelerometer_tells_the_speed_that_the_load_has(rows):
     for row in rows.values():
         r = row.recording
@@ -191,6 +222,7 @@ def test_the_command_shows_a_table_and_says_who_leaves_less(rig):
     assert code == 0
     assert "lqg leaves less vibration than pid in 6 of 6 moves" in out
     assert "40° in 0.5 s" in out
+    assert "127.4, 0.385" in out  # the design's least damped pair
     assert "the gains" in out
     assert "\n" not in max(out.splitlines(), key=len)[160:]
 
@@ -200,6 +232,8 @@ def test_the_command_s_document_has_every_run(rig, tmp_path):
     document = json.loads(out)
     assert code == 0
     assert [(row["move"], row["controller"]) for row in document["rows"]] == [(m, c) for m in (1, 2, 3) for c in CONTROLLERS]
+    assert list(document["designs"]) == list(CONTROLLERS)
+    assert len(document["designs"]["lqg"]["poles_1_s"]) == 9
     row = document["rows"][0]
     assert row["peak_current_a"] == pytest.approx(row["peak_torque_n_m"] / 1.6)
     assert row["residual_of_the_first"] is None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,6 +16,7 @@ from rig.cli.output import check_folder, err, out, print_json, wide
 from rig.errors import ConfigError
 
 if TYPE_CHECKING:
+    from rig.servo.loops import Facts
     from rig.servo_studies.compare import Row
     from rig.servo_studies.spec import ServoSpec
 
@@ -45,6 +46,19 @@ LOST = (
 )
 
 
+DESIGNS: tuple[tuple[str, str], ...] = (
+    ("controller", ""),
+    ("slowest pole", "[rad/s]"),
+    ("fastest", "[rad/s]"),
+    ("least damped", "[rad/s], ratio"),
+    ("zeros", "[rad/s], ratio"),
+    ("gain margin", ""),
+    ("phase margin", "[°]"),
+    ("crossover", "[rad/s]"),
+    ("eigenvectors", "condition"),
+)
+
+
 def compare(
     file: Annotated[
         Path | None,
@@ -66,7 +80,8 @@ def compare(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")] = False,
 ) -> int:
     """Compare controllers of an elastic joint on the simulated bench: vibration that is left, error, torque."""
-    from rig.servo_studies.controllers import CONTROLLERS  # python-control takes its time
+    from rig.servo_studies.compare import designs  # scipy takes its time
+    from rig.servo_studies.controllers import CONTROLLERS
     from rig.servo_studies.spec import load
 
     if plot is not None:
@@ -79,14 +94,16 @@ def compare(
         spec = msgspec.structs.replace(spec, seed=seed)
     names = list(CONTROLLERS) if controllers == "all" else _words("--controllers", controllers)
     truths = list(spec.truth) if truth == "all" else _words("--truth", truth)
+    facts = designs(spec, names)
     rows = _rows(spec, truths, names, quiet=as_json)
     if plot is not None:
         from rig.servo_studies.compare_figure import draw_comparison
 
         picture_file.save(draw_comparison([row for row in rows if row.truth == truths[0]]), plot)
     if as_json:
-        print_json(_document(spec, rows))
+        print_json(_document(spec, facts, rows))
     else:
+        _print_designs(spec, facts)
         _print(file, rows, names)
     return 0
 
@@ -119,11 +136,12 @@ def _share(row: Row, rows: Sequence[Row]) -> float | None:
     return row.outcome.residual / first.outcome.residual if first is not row and first.outcome.residual else None
 
 
-def _document(spec: ServoSpec, rows: Sequence[Row]) -> dict[str, Any]:
+def _document(spec: ServoSpec, facts: Mapping[str, Facts], rows: Sequence[Row]) -> dict[str, Any]:
     return {
         "exit_status": "ok",
         "period_s": spec.drive.period_s,
         "seed": spec.seed,
+        "designs": {name: _design(found) for name, found in facts.items()},
         "rows": [
             {"truth": row.truth, "move": row.move, "title": row.title, "controller": row.controller}
             | row.outcome._asdict()
@@ -135,9 +153,47 @@ def _document(spec: ServoSpec, rows: Sequence[Row]) -> dict[str, Any]:
     }
 
 
+def _design(found: Facts) -> dict[str, Any]:
+    return {
+        "poles_1_s": [[pole.real, pole.imag] for pole in found.poles_1_s.tolist()],
+        "zeros_1_s": [[zero.real, zero.imag] for zero in found.zeros_1_s.tolist()],
+        "gain_margin": found.margins.gain,
+        "phase_margin_deg": found.margins.phase_deg,
+        "crossover_rad_s": found.margins.crossover_rad_s,
+        "eigenvector_condition": found.condition,
+    }
+
+
 def _current(spec: ServoSpec, row: Row) -> dict[str, float | None]:
     k = spec.drive.torque_constant_n_m_a
     return {"peak_current_a": row.outcome.peak_torque_n_m / k if k else None}
+
+
+def _print_designs(spec: ServoSpec, facts: Mapping[str, Facts]) -> None:
+    import numpy as np
+
+    from rig.servo.loops import swinging
+
+    title = f"loops on the joint believed in, every {1e3 * spec.drive.period_s:g} ms; opened at the motor's torque"
+    table = Table(title=title, title_justify="left", box=None, padding=(0, 2, 0, 0))
+    for name, unit in DESIGNS:
+        table.add_column(f"{name}\n{unit}", justify="right" if unit or name == "gain margin" else "left", no_wrap=True)
+    for name, found in facts.items():
+        pair = min(swinging(found.poles_1_s), key=lambda mode: mode.damping, default=None)
+        slow = found.zeros_1_s[np.abs(found.zeros_1_s.imag) < 0.99 * math.pi / spec.drive.period_s]  # not of the sampling
+        zero = min(swinging(slow), key=lambda mode: mode.damping, default=None)
+        cells = (
+            f"{found.modes[0].frequency_rad_s:.2f}",
+            f"{found.modes[-1].frequency_rad_s:.1f}",
+            *("-" if mode is None else f"{mode.frequency_rad_s:.1f}, {mode.damping:.3f}" for mode in (pair, zero)),
+            f"{found.margins.gain:.3g}",
+            f"{found.margins.phase_deg:.1f}",
+            f"{found.margins.crossover_rad_s:.1f}",
+            f"{found.condition:.3g}",
+        )
+        table.add_row(name, *cells)
+    wide.print(table)
+    out.print()
 
 
 def _print(file: Path | None, rows: Sequence[Row], names: Sequence[str]) -> None:

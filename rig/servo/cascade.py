@@ -10,64 +10,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from functools import cached_property
+from typing import Any, Literal
 
 import numpy as np
 
-from planners.pieces import ComplexArray
 from rig.servo.block import Block, check_period
 from rig.servo.errors import check_datum, check_range
-from rig.servo.loops import Facts, facts
 from rig.servo.notch import Notch
 from rig.servo.setpoint import Setpoint
 from rig.servo.two_mass import TwoMass
+from rig.servo.wiring import SETPOINT, TORQUES, Loop, disturbed, named, position_loop, wire
 
 Where = Literal["inside", "upstream"]  # of the speed loop
-HIDDEN = 1e-7  # a mode that the setpoint reaches less than this (1 = fully) is cancelled
-SETPOINT = ["angle", "speed_wanted", "acceleration"]  # as loops name it
-DELAY = 1e-9  # a sampled pole at 0 only delays and is no mode
-TORQUES = ["motor_torque", "load_torque"]  # disturbances of every loop below, at the motor's side of the gear
-
-
-class Loop(NamedTuple):
-    """opened at the plant's input, L = P C with negative feedback; closed from setpoint and disturbances to the joint.
-
-    control.StateSpace both, continuous or sampled. closed keeps modes that a notch cancels. setpoint and output name its
-    main channel.
-    """
-
-    opened: Any
-    closed: Any
-    setpoint: str
-    output: str
-
-    @property
-    def facts(self) -> Facts:
-        """Of a continuous loop: poles (hidden ones too), zeros of the main channel, margins at the plant's input, condition."""
-        return facts(self.opened, self.closed[self.output, self.setpoint])
-
-    @property
-    def shown_poles_1_s(self) -> ComplexArray:
-        """Those that the setpoint reaches."""
-        return self._poles(hidden=False)
-
-    @property
-    def hidden_poles_1_s(self) -> ComplexArray:
-        """Those that a notch cancels: the setpoint never moves them, a disturbance does (Popov-Belevitch-Hautus test)."""
-        return self._poles(hidden=True)
-
-    def _poles(self, *, hidden: bool) -> ComplexArray:
-        from scipy.linalg import matrix_balance
-
-        column = self.closed.find_input(self.setpoint)
-        balanced, scale = matrix_balance(self.closed.A, permute=False)
-        push = self.closed.B[:, column] / np.diag(scale)
-        found, left = np.linalg.eig(balanced.T)
-        reach = np.abs(left.T @ push) / np.linalg.norm(push)
-        kept = np.asarray(found[(reach < HIDDEN) == hidden], dtype=np.complex128)
-        if not self.closed.dt:
-            return kept
-        return np.asarray(np.log(kept[np.abs(kept) > DELAY]) / self.closed.dt)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,14 +72,12 @@ class Cascade:
         return Loop(-control.ss(forward["drive_torque", "torque"]), closed, "speed_setpoint", "motor_speed")
 
     def position_loop(self, joint: TwoMass, notch: Notch | None = None, where: Where = "inside") -> Loop:
-        """Continuous: angle, speed_wanted, acceleration (the Setpoint), motor_torque, load_torque to motor_angle, motor_speed,
-        load_angle, load_speed.
-        """
+        """Continuous: the Setpoint, motor_torque, load_torque to motor_angle, motor_speed, load_angle, load_speed."""
         inside, upstream = _placed(notch, where)
-        return self._whole([*self._inner(inside), *self._outer(upstream and upstream.system), _angles(joint)])
+        return position_loop(joint, [*self._inner(inside), *self._outer(upstream and upstream.system)])
 
-    def sampled_loop(self, joint: TwoMass, period_s: float, notch: Notch | None = None, where: Where = "inside") -> Loop:
-        """position_loop as CascadeController closes it, with the torque held for a sample; without the torque limit.
+    def sampled(self, period_s: float, notch: Notch | None = None, where: Where = "inside") -> Any:
+        """CascadeController as control.StateSpace, without the torque limit: from the Setpoint and motor_angle to drive_torque.
 
         Raises ServoError for a sample time out of bounds, BeyondNyquist for a notch that it cannot hold.
         """
@@ -137,18 +90,8 @@ class Cascade:
         ki = kp * period_s / self.reset_time_s
         encoder = control.ss(a, 1.0, share * (a - 1.0), share, period_s, inputs="motor_angle", outputs="speed")
         pi = control.ss(1.0, ki, 1.0, kp + ki, period_s, inputs="speed_error", outputs="pi_torque")
-        plant = control.sample_system(_angles(joint), period_s, method="zoh")
-        plant = control.ss(plant, inputs=_angles(joint).input_labels, outputs=_angles(joint).output_labels)
-        inner = [encoder, pi, *self._torques(inside), *self._outer(upstream)]
-        return self._whole([*inner, plant])
-
-    def _whole(self, blocks: list[Any]) -> Loop:
-        import control
-
-        outputs = ["motor_angle", "motor_speed", "load_angle", "load_speed"]
-        closed = wire([*blocks, disturbed()], [*SETPOINT, *TORQUES], outputs)
-        forward = wire(blocks, [*SETPOINT, "torque"], ["drive_torque"])
-        return Loop(-control.ss(forward["drive_torque", "torque"]), closed, "angle", "motor_angle")
+        blocks = [encoder, pi, *self._torques(inside), *self._outer(upstream)]
+        return wire(blocks, [*SETPOINT, "motor_angle"], ["drive_torque"])
 
     def _inner(self, notch: Notch | None) -> list[Any]:
         """Speed to torque, continuous."""
@@ -156,7 +99,7 @@ class Cascade:
 
         kp, ki = self.speed_gain_n_m_s_rad, self.speed_gain_n_m_s_rad / self.reset_time_s
         lag = control.tf([1.0], [self.speed_filter_s, 1.0]) if self.speed_filter_s else None
-        encoder = _named(lag, "motor_speed", "speed")
+        encoder = named(lag, "motor_speed", "speed")
         pi = control.ss(0.0, ki, 1.0, kp, inputs="speed_error", outputs="pi_torque")
         return [encoder, pi, *self._torques(notch and notch.system)]
 
@@ -166,8 +109,8 @@ class Cascade:
         j = self.feed_forward_inertia_kg_m2
         return [
             control.summing_junction(["speed_setpoint", "-speed"], "speed_error"),
-            control.ss([], [], [], [[1.0, j]], inputs=["pi_torque", "acceleration"], outputs="wanted_torque"),
-            _named(notch, "wanted_torque", "drive_torque"),
+            control.ss([], [], [], [[1.0, j]], inputs=["pi_torque", "setpoint_acceleration"], outputs="wanted_torque"),
+            named(notch, "wanted_torque", "drive_torque"),
         ]
 
     def _outer(self, notch: Any | None) -> list[Any]:
@@ -175,9 +118,9 @@ class Cascade:
 
         gains = [[self.position_gain_1_s, self.speed_feed_forward]]
         return [
-            control.summing_junction(["angle", "-motor_angle"], "angle_error"),
-            control.ss([], [], [], gains, inputs=["angle_error", "speed_wanted"], outputs="speed_wish"),
-            _named(notch, "speed_wish", "speed_setpoint"),
+            control.summing_junction(["setpoint_angle", "-motor_angle"], "angle_error"),
+            control.ss([], [], [], gains, inputs=["angle_error", "setpoint_speed"], outputs="speed_wish"),
+            named(notch, "speed_wish", "speed_setpoint"),
         ]
 
 
@@ -191,7 +134,7 @@ class CascadeController:
     def __init__(self, design: Cascade, period_s: float, notch: Notch | None = None, where: Where = "inside") -> None:
         """Raises ServoError for a sample time out of bounds, BeyondNyquist for a notch that it cannot hold."""
         check_period(period_s)
-        self.design, self.period_s = design, period_s
+        self.design, self.period_s, self._notch = design, period_s, (notch, where)
         self._filter_pole = _filter_pole(design.speed_filter_s, period_s)
         self._integral_gain = design.speed_gain_n_m_s_rad * period_s / design.reset_time_s
         self._inside, self._upstream = (n and Block(n.sampled(period_s)) for n in _placed(notch, where))
@@ -220,6 +163,11 @@ class CascadeController:
         for block in (self._inside, self._upstream):
             if block:
                 block.reset()
+
+    @cached_property
+    def system(self) -> Any:
+        """See Controller."""
+        return self.design.sampled(self.period_s, *self._notch)
 
     def _speed(self, motor_angle_rad: float) -> float:
         raw = (motor_angle_rad - self._last_angle) / self.period_s
@@ -250,33 +198,3 @@ def _speeds(joint: TwoMass) -> Any:
         inputs=["torque", "load_torque"],
         outputs=["motor_speed", "load_speed"],
     )
-
-
-def _angles(joint: TwoMass) -> Any:
-    """joint.plant with its input named as the loops need it."""
-    import control
-
-    return control.ss(joint.plant, inputs=["torque", "load_torque"], outputs=joint.plant.output_labels)
-
-
-def _named(system: Any | None, source: str, target: str) -> Any:
-    """The block under its names; without one what comes goes through."""
-    import control
-
-    passing = control.ss([], [], [], [[1.0]])
-    return control.ss(passing if system is None else system, inputs=source, outputs=target)
-
-
-def disturbed() -> Any:
-    """The drive's torque and a disturbance of the motor, in one."""
-    import control
-
-    return control.summing_junction(["drive_torque", "motor_torque"], "torque")
-
-
-def wire(blocks: list[Any], inputs: list[str], outputs: list[str]) -> Any:
-    """Connect what bears the same name (control.StateSpace)."""
-    import control
-
-    whole = control.interconnect(blocks, inputs=inputs, outputs=outputs, check_unused=False)
-    return control.ss(whole, inputs=inputs, outputs=outputs)

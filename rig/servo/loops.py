@@ -9,6 +9,7 @@ import numpy as np
 
 from planners.pieces import ComplexArray, FloatArray
 
+DELAY = 1e-9  # of a discrete pole that counts as 0
 REAL = 1e-9  # imaginary part of a real pole, as a share of its size
 
 
@@ -48,13 +49,13 @@ def facts(opened: Any, closed: Any) -> Facts:
 
 def poles(system: Any) -> ComplexArray:
     """Of a continuous system, or of a discrete one as continuous equivalents [1/s]."""
-    return _continuous(system.poles(), system.dt)
+    return continuous(system.poles(), system.dt)
 
 
 def zeros(system: Any) -> ComplexArray:
     """Like poles; those at infinity are left out."""
     found = np.asarray(system.zeros(), dtype=np.complex128)
-    return _continuous(found[np.isfinite(found)], system.dt)
+    return continuous(found[np.isfinite(found)], system.dt)
 
 
 def modes(poles_1_s: ComplexArray | FloatArray) -> tuple[Mode, ...]:
@@ -108,12 +109,14 @@ def condition(system: Any) -> float:
     return float(np.linalg.cond(vectors))
 
 
-def _continuous(found: Any, dt: Any) -> ComplexArray:
+def continuous(found: Any, dt: Any) -> ComplexArray:
+    """Poles or zeros of a discrete system as the continuous ones they stand for, log(z) / dt; those at 0 only delay and are
+    left out.
+    """
     values = np.asarray(found, dtype=np.complex128)
     if not dt:
         return values
-    with np.errstate(divide="ignore"):
-        return np.asarray(np.log(values) / float(dt))
+    return np.asarray(np.log(values[np.abs(values) > DELAY]) / float(dt))
 
 
 def _or_inf(value: float) -> float:

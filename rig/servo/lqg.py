@@ -16,6 +16,7 @@ from rig.servo.loops import Facts, facts
 from rig.servo.setpoint import Setpoint
 from rig.servo.state_feedback import Feedback, sampled_joint
 from rig.servo.two_mass import TwoMass
+from rig.servo.wiring import SETPOINT
 
 STATES, INPUTS = 5, 4  # [p (4), xI]; angle, speed and acceleration of the setpoint, encoder angle
 
@@ -42,8 +43,7 @@ class StateSpaceController:
         load_filter: LoadFilter | None = None,
     ) -> None:
         check_range("torque_limit_n_m", torque_limit_n_m, 1e-12, math.inf, "take it from the drive's data sheet")
-        self._joint, self._feedback, self._estimator, self._period_s = joint, feedback, estimator, period_s
-        self._limit_n_m = torque_limit_n_m
+        self._period_s, self._limit_n_m = period_s, torque_limit_n_m
         ahead = lead(feed_forward, joint, period_s, load_filter)
         self._row, self._next = _fold(joint, feedback, estimator, ahead, period_s)
         self._states = STATES + len(ahead.a)
@@ -67,8 +67,7 @@ class StateSpaceController:
 
     @cached_property
     def system(self) -> Any:
-        """While no limit is met: discrete control.StateSpace from setpoint_angle, setpoint_speed, setpoint_acceleration and
-        motor_angle to motor_torque."""
+        """See Controller."""
         import control
 
         n = self._states
@@ -79,21 +78,9 @@ class StateSpaceController:
             self._row[None, :n],
             self._row[None, n:],
             self._period_s,
-            inputs=["setpoint_angle", "setpoint_speed", "setpoint_acceleration", "motor_angle"],
-            outputs=["motor_torque"],
+            inputs=[*SETPOINT, "motor_angle"],
+            outputs=["drive_torque"],
         )
-
-    def facts(self) -> Facts:
-        """Of the sampled loop with the joint believed in: opened at the motor's torque, closed from reference to motor angle.
-
-        Without feed-forward, which is outside of the loop.
-        """
-        import control
-
-        plain = StateSpaceController(self._joint, self._feedback, self._estimator, self._period_s)
-        a, b = sampled_joint(self._joint, self._period_s)
-        plant = control.ss(a, b[:, None], ENCODER[None], 0.0, self._period_s, inputs=["motor_torque"], outputs=["motor_angle"])
-        return _loop(plant, plain.system, "setpoint_angle")
 
 
 def compensator(joint: TwoMass, feedback: Feedback, estimator: Estimator) -> Any:
@@ -117,7 +104,12 @@ def compensator(joint: TwoMass, feedback: Feedback, estimator: Estimator) -> Any
 
 def continuous_facts(joint: TwoMass, feedback: Feedback, estimator: Estimator) -> Facts:
     """Of the continuous loop with its observer: opened at the motor's torque, closed from reference to motor angle."""
-    return _loop(joint.plant["motor_angle", "motor_torque"], compensator(joint, feedback, estimator), "reference")
+    import control
+
+    plant, controller = joint.plant["motor_angle", "motor_torque"], compensator(joint, feedback, estimator)
+    opened = -plant * controller["motor_torque", "motor_angle"]
+    closed = control.interconnect([plant, controller], inplist=["reference"], outlist=["motor_angle"], check_unused=False)
+    return facts(opened, closed)
 
 
 def _fold(
@@ -149,11 +141,3 @@ def _unwinding(gains: Feedback) -> tuple[float, float]:
     """On torque asked for and applied: the integral is set to where it would ask for no more than is applied (Hanus 1987)."""
     share = 1.0 / gains.integral_gain_n_m_rad_s if gains.integral_gain_n_m_rad_s else 0.0
     return -share, share
-
-
-def _loop(plant: Any, controller: Any, setpoint: str) -> Facts:
-    import control
-
-    opened = -plant * controller["motor_torque", "motor_angle"]
-    closed = control.interconnect([plant, controller], inplist=[setpoint], outlist=["motor_angle"], check_unused=False)
-    return facts(opened, closed)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 
 class Setpoint(NamedTuple):
@@ -22,4 +22,10 @@ class Controller(Protocol):
 
     def reset(self) -> None:
         """Back to rest at 0."""
+        ...
+
+    @property
+    def system(self) -> Any:
+        """While no limit is met: control.StateSpace from setpoint_angle, setpoint_speed, setpoint_acceleration and motor_angle
+        to drive_torque. For design and tests, not for the loop."""
         ...

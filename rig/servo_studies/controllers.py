@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from rig.servo.cascade import Cascade, CascadeController
-from rig.servo.disturbance_observer import Compensated, DisturbanceObserver, LowPass, Nominal, ObserverDesign
+from rig.servo.disturbance_design import LowPass, Nominal, ObserverDesign
+from rig.servo.disturbance_observer import Compensated, DisturbanceObserver
 from rig.servo.estimator import Estimator, Noise, kalman
 from rig.servo.estimator import assign as assign_estimator
 from rig.servo.feed_forward import LoadFilter, least_degree
@@ -24,10 +25,16 @@ SETTLED = 1e-3  # of a step: what a filter may still have to go when it counts a
 
 
 class Drive(NamedTuple):
-    """A controller, and by how much it is meant to be later than its setpoint."""
+    """A controller, by how much it is meant to be later than its setpoint, and what of it is within the loop if not all is."""
 
     controller: Controller
     late_s: float = 0.0
+    within: Controller | None = None
+
+    @property
+    def loop(self) -> Any:
+        """The system (see Controller) that closes the loop."""
+        return (self.within or self.controller).system
 
 
 class Shaped:
@@ -44,6 +51,11 @@ class Shaped:
         """Back to rest at 0."""
         self._shaper.reset()
         self._controller.reset()
+
+    @property
+    def system(self) -> Any:
+        """Of the loop, which a shaper is outside of."""
+        return self._controller.system
 
 
 def pid(spec: ServoSpec) -> Drive:
@@ -93,7 +105,7 @@ def lqg_ff(spec: ServoSpec) -> Drive:
     """The same with the feed-forward pair C1, C2: the load follows the filter F0."""
     load_filter = LoadFilter.binomial(least_degree(spec.joint), spec.lqg.corner_rad_s)
     controller = _state_space(spec, *_optimal(spec), "dynamic", load_filter)
-    return Drive(controller, _settling_s(load_filter))
+    return Drive(controller, _settling_s(load_filter), lqg(spec).controller)
 
 
 CONTROLLERS: dict[str, Callable[[ServoSpec], Drive]] = {

@@ -10,11 +10,12 @@ import numpy as np
 
 from planners.pieces import FloatArray
 from rig.servo.block import check_period
-from rig.servo.cascade import Cascade, Loop, Where
+from rig.servo.cascade import Cascade, Where
 from rig.servo.errors import ServoError, check_range
 from rig.servo.loops import Mode, modes, swinging
 from rig.servo.notch import Notch
 from rig.servo.two_mass import TwoMass
+from rig.servo.wiring import Loop
 
 SETTLED = 0.02  # of the step
 WATCHED = 14.0  # time constants of the slowest pole
@@ -171,7 +172,7 @@ def _row(placement: Placement, factor: float) -> NotchRow:
     name, notch, speed, position = placement
     margins = speed.facts.margins
     motor, load = (step_response(position, source) for source in ("motor_torque", "load_torque"))
-    step = step_response(position, "angle")
+    step = step_response(position, "setpoint_angle")
     peak = float(np.abs(step.speed_rad_s).max())
     last = int(np.flatnonzero(np.abs(step.angle_rad - 1.0) > SETTLED)[-1])
     return NotchRow(

@@ -19,7 +19,7 @@ PERIODS = 8.0  # of the joint's antiresonance, shown of a response
 STEPS = (
     ("motor_torque", "speed of the load [rad/s] after 1 N m on the motor"),
     ("load_torque", "after 1 N m on the load"),
-    ("angle", "after a setpoint step of 1 rad"),
+    ("setpoint_angle", "after a setpoint step of 1 rad"),
 )
 
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planners.pieces import ComplexArray, FloatArray
-from rig.servo.disturbance_observer import LowPass, Nominal, ObserverDesign, Place, Ratio
+from rig.servo.disturbance_design import LowPass, Nominal, ObserverDesign, Place, Ratio
 from rig.servo.errors import ServoError, check_datum
 from rig.servo.loops import Mode, modes, swinging
 from rig.servo.two_mass import TwoMass

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rig.servo.disturbance_observer import Nominal, Place
+from rig.servo.disturbance_design import Nominal, Place
 from rig.servo.loops import swinging
 from rig.servo_studies.observer import ObserverTask, course, damping, design, printed_poles_1_s, turns
 

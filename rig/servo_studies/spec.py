@@ -102,7 +102,7 @@ class HelpersSection(Section, frozen=True, kw_only=True):
     """`[helpers]`: what stands beside a P/PI cascade in pid_notch, pid_observer and pid_shaped."""
 
     notch_damping: Share = 1.0  # of the poles it puts in place of the joint's
-    observer_time_s: Positive = 0.002
+    observer_time_s: Positive = 0.02  # faster ones let the load ring under this cascade: 5 ms leaves a damping of 0.10
     shaper: str = "zv"
 
 
