@@ -115,7 +115,7 @@ def test_a_controller_steps_as_the_linear_system_that_its_loop_is_judged_by(name
     spec = load(None, ["drive.torque_limit_n_m=1e9"])
     controller, random = CONTROLLERS[name](spec).controller, np.random.default_rng(1)
     told = random.normal(size=(4, 200)).cumsum(axis=1)
-    right = np.asarray(control.forced_response(controller.system, inputs=told).outputs)
+    right = np.asarray(control.forced_response(controller.system, inputs=told).outputs).ravel()
     found = [controller.step(Setpoint(*row[:3]), row[3]) for row in told.T.tolist()]
     assert found == pytest.approx(right, abs=1e-9 * float(np.abs(right).max()))
 
