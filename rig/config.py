@@ -255,17 +255,32 @@ def _read(name_or_path: str) -> dict[str, Any]:
 
 
 def override(tables: dict[str, Any], text: str) -> None:
-    """Put `section.key=value` into the tables of a file. Raises ConfigError for a text that is no such thing."""
+    """Put `section.key=value` into the tables of a file; a number is an index of a list, and a key above all sections is one
+    that the file has. Raises ConfigError for a text that is no such thing.
+    """
     path, equals, value = text.partition("=")
     keys = path.strip().split(".")
-    if not equals or len(keys) < 2 or not all(keys):
+    if not equals or not all(keys) or (len(keys) < 2 and isinstance(tables.get(keys[0], {}), dict)):
         raise ConfigError(f"--set '{text}': must be section.key=value, for example --set move.distance_m=0.1")
-    table = tables
+    table: Any = tables
     for key in keys[:-1]:
-        table = table.setdefault(key, {})
-        if not isinstance(table, dict):
-            raise ConfigError(f"--set '{text}': '{key}' is a value, not a section")
-    table[keys[-1]] = _value(value.strip())
+        table = _step(table, key, text)
+    if isinstance(table, list):
+        _step(table, keys[-1], text)
+        table[int(keys[-1])] = _value(value.strip())
+    else:
+        table[keys[-1]] = _value(value.strip())
+
+
+def _step(table: Any, key: str, text: str) -> Any:
+    if isinstance(table, list):
+        if not (key.isdigit() and int(key) < len(table)):
+            raise ConfigError(f"--set '{text}': '{key}' of a list of {len(table)}; must be 0 to {len(table) - 1}")
+        return table[int(key)]
+    inner = table.setdefault(key, {})
+    if not isinstance(inner, dict | list):
+        raise ConfigError(f"--set '{text}': '{key}' is a value, not a section")
+    return inner
 
 
 def _value(text: str) -> Any:
@@ -291,8 +306,8 @@ def _explain(message: str, data: Any, kind: type, section: str) -> str:
         return f"[{'.'.join(keys)}] {missing[1]}: missing; add it".replace("[] ", "section ")
     inner = keys[len(section.split(".")) if section else 0 :]
     value = _value_at(data, inner)
-    if isinstance(value, dict) and keys and not what.startswith("Expected"):
-        return f"[{'.'.join(keys)}] {what}"  # of a whole table, by the one who builds it
+    if isinstance(value, dict) and not what.startswith("Expected"):
+        return f"[{'.'.join(keys)}] {what}".removeprefix("[] ")  # of a whole table, by the one who builds it
     if "enum" in what:
         allowed = get_args(get_type_hints(_struct_at(kind, keys[:-1], section))[keys[-1]])
         what = f"must be one of {', '.join(map(repr, allowed))}{nearest(str(value), allowed)}"
@@ -300,11 +315,20 @@ def _explain(message: str, data: Any, kind: type, section: str) -> str:
     return f"{where} = {value!r}: {what[0].lower()}{what[1:]}; change it to fit".removeprefix("[] ")
 
 
-def _struct_at(kind: type, keys: list[str], section: str) -> type:
+def _struct_at(kind: Any, keys: list[str], section: str) -> Any:
     for key in keys[len(section.split(".")) if section else 0 :]:
-        hint = next((f.type for f in msgspec.structs.fields(kind) if f.name == key), None)
-        kind = LinkFaults if hint is None or not isinstance(hint, type) else hint
+        kind = _within(kind, key)
     return kind
+
+
+def _within(kind: Any, key: str) -> Any:
+    """The type of a struct's field, or of what a list, tuple or dict is made of; of `X | None` that is X."""
+    if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
+        kind = get_type_hints(kind)[key]
+    else:
+        kind = next(part for part in reversed(get_args(kind)) if part is not Ellipsis)
+    parts = [part for part in get_args(kind) if part is not type(None)]
+    return parts[0] if type(None) in get_args(kind) else kind
 
 
 def _value_at(data: Any, keys: list[str]) -> Any:

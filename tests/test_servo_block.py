@@ -86,13 +86,46 @@ def test_margins_of_an_integrator_with_a_lag_are_the_textbook_s():
     """L = 1 / (s (1 + s)): crossover sqrt((sqrt 5 - 1) / 2), phase margin 90 deg - atan of it."""
     crossover = math.sqrt((math.sqrt(5.0) - 1.0) / 2.0)
     found = loops.margins(control.tf([1.0], [1.0, 1.0, 0.0]))
-    assert found == pytest.approx((math.inf, 90.0 - math.degrees(math.atan(crossover)), crossover), rel=1e-6)
+    assert found[:4] == pytest.approx((math.inf, 0.0, 90.0 - math.degrees(math.atan(crossover)), crossover), rel=1e-6)
 
 
 def test_a_third_lag_bounds_the_gain():
     """L = k / (1 + s)^3 reaches -180 deg at sqrt 3, where |L| = k / 8."""
-    found = loops.margins(control.tf([2.0], [1.0, 3.0, 3.0, 1.0]))
-    assert found.gain == pytest.approx(4.0, rel=1e-6)
+    system, omega = control.tf([2.0], [1.0, 3.0, 3.0, 1.0]), np.geomspace(0.1, 10.0, 20_001)
+    found = loops.margins(system)
+    assert (found.gain, found.least_gain) == pytest.approx((4.0, 0.0), rel=1e-6)
+    assert found.sensitivity == pytest.approx(np.max(1.0 / np.abs(1.0 + system(1j * omega))), rel=1e-6)
+
+
+def test_a_loop_that_less_gain_would_let_go_tells_to_where_it_may_fall():
+    """L = k (s + 1)^2 / s^3 closes to s^3 + k s^2 + 2 k s + k, stable for k > 1 / 2 (Routh)."""
+    found = loops.margins(control.tf([2.0, 4.0, 2.0], [1.0, 0.0, 0.0, 0.0]))
+    assert (found.gain, found.least_gain) == pytest.approx((math.inf, 0.25), rel=1e-6)
+
+
+@pytest.mark.parametrize("pole", [1.0, 0.5, 0.0, -0.6])
+def test_a_sampled_lag_may_gain_until_its_pole_is_at_half_the_sampling(pole):
+    """k / (z - p) closes at z = p - k, which is -1 at k = 1 + p."""
+    found = loops.margins(control.tf([0.1], [1.0, -pole], 1e-3))
+    assert found.gain == pytest.approx((1.0 + pole) / 0.1, rel=1e-9)
+    near = np.exp(1j * np.linspace(1e-3, math.pi, 20_001))
+    assert found.sensitivity == pytest.approx(np.max(1.0 / np.abs(1.0 + 0.1 / (near - pole))), rel=1e-6)
+
+
+def test_a_sampled_loop_with_a_pole_at_half_the_sampling_is_refused():
+    with pytest.raises(ServoError, match="a pole at z = -1; must have none"):
+        loops.margins(control.tf([0.1], [1.0, 1.0], 1e-3))
+
+
+def test_a_static_loop_has_the_sensitivity_of_its_gain():
+    assert loops.margins(control.tf([3.0], [1.0])).sensitivity == pytest.approx(0.25)
+    assert loops.margins(control.ss([], [], [], [[-0.5]], 1e-3)).gain == pytest.approx(2.0)
+
+
+def test_an_unstable_loop_is_told():
+    opened = control.tf([25.0], [1.0, -2.0, 0.0])
+    assert not loops.facts(opened, control.feedback(opened)).stable
+    assert loops.facts(control.tf([25.0], [1.0, 2.0, 0.0]), control.feedback(control.tf([25.0], [1.0, 2.0, 0.0]))).stable
 
 
 def test_a_loop_s_facts_are_those_of_its_closed_form():
@@ -109,3 +142,11 @@ def test_orthogonal_eigenvectors_have_condition_one_and_equal_ones_none():
     jordan = control.ss(np.array([[-1.0, 1.0], [0.0, -1.0]]), np.ones((2, 1)), np.ones((1, 2)), 0.0)
     assert loops.condition(apart) == pytest.approx(1.0)
     assert loops.condition(jordan) > 1e7
+
+
+def test_the_condition_of_eigenvectors_does_not_depend_on_the_units_of_the_states():
+    a, units = np.array([[0.0, 1.0], [-1e4, -20.0]]), np.diag([1.0, 1e5])
+    scaled = units @ a @ np.linalg.inv(units)
+    systems = [control.ss(m, np.ones((2, 1)), np.ones((1, 2)), 0.0) for m in (a, scaled)]
+    assert loops.condition(systems[0]) == pytest.approx(loops.condition(systems[1]), rel=0.3)  # scaled by powers of two
+    assert loops.condition(systems[0]) < 2.0

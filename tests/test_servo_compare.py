@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import tomllib
 from pathlib import Path
 
@@ -13,9 +14,9 @@ import numpy as np
 import pytest
 
 from planners.drives.motor import Drivetrain, effort
-from planners.errors import Infeasible, PlanError
+from planners.errors import PlanError
 from rig.errors import ConfigError
-from rig.servo.errors import PolesOutOfReach
+from rig.servo.errors import PolesOutOfReach, ServoError
 from rig.servo.estimator import kalman
 from rig.servo.loops import swinging
 from rig.servo.setpoint import Setpoint
@@ -62,7 +63,7 @@ def test_a_rigid_joint_would_need_the_torque_and_the_current_of_the_source_s_dat
 def test_no_less_acceleration_makes_the_move_in_its_time(move):
     least, section = EXPERIMENTS[move - 1]["least_acceleration_rad_s2"], SPEC.move[move - 1]
     msgspec.structs.replace(section, motor_acceleration_rad_s2=least * (1.0 + 1e-6)).trajectory(SPEC.model.gear_ratio)
-    with pytest.raises(Infeasible):
+    with pytest.raises(ConfigError, match="raise it, or give the move more time"):
         msgspec.structs.replace(section, motor_acceleration_rad_s2=least * (1.0 - 1e-6)).trajectory(SPEC.model.gear_ratio)
 
 
@@ -79,7 +80,7 @@ def test_the_file_s_truths_are_the_parameter_sets_that_the_joint_is_known_by():
 def test_lqg_leaves_less_vibration_than_pid_whatever_the_joint_really_is(rows, truth, move):
     pid, lqg = (rows[truth, move, name].outcome for name in ("pid", "lqg"))
     assert lqg.residual < 0.6 * pid.residual
-    assert lqg.residual_measured < 0.6 * pid.residual_measured
+    assert lqg.residual_measured < 0.62 * pid.residual_measured
     assert lqg.speed_error < pid.speed_error
     assert lqg.overshoot_deg < pid.overshoot_deg
 
@@ -145,7 +146,8 @@ def test_the_accelerometer_tells_the_speed_that_the_load_has(rows):
 
 def test_the_load_arrives_whatever_the_joint_really_is(rows):
     for row in rows.values():
-        assert abs(row.outcome.final_error_deg) < 0.004
+        assert row.outcome.arrived
+        assert abs(row.outcome.final_error_deg) < 0.01
         assert row.recording.integration_error_rad < 1e-9
 
 
@@ -166,16 +168,15 @@ def test_equal_seeds_make_equal_readings_and_other_seeds_others():
 
 
 def test_a_figure_is_what_its_definition_says():
-    t = np.arange(0.0, 1.0, 0.25)
     recording = bench_run.Recording(
-        t,
+        np.array([-0.25, 0.0, 0.25, 0.5, 0.75]),
         0.5,
-        reference_rad=np.array([0.0, 0.5, 1.0, 1.0]),
-        reference_rad_s=np.array([0.0, 2.0, 0.0, 0.0]),
-        load_rad=np.array([0.0, 0.4, 1.1, 1.0]),
-        load_rad_s=np.array([0.0, 2.0, 0.5, -0.01]),
-        measured_rad_s=np.array([0.0, 2.0, 0.4, 0.0]),
-        torque_n_m=np.array([3.0, 4.0, -5.0, 0.0]),
+        reference_rad=np.array([0.0, 0.0, 0.5, 1.0, 1.0]),
+        reference_rad_s=np.array([0.0, 0.0, 2.0, 0.0, 0.0]),
+        load_rad=np.array([0.0, 0.0, 0.4, 1.1, 1.02]),
+        load_rad_s=np.array([9.0, 0.0, 2.0, 0.5, -0.01]),
+        measured_rad_s=np.array([9.0, 0.0, 2.0, 0.4, 0.0]),
+        torque_n_m=np.array([1.0, 3.0, 4.0, -5.0, 0.0]),
         integration_error_rad=0.0,
     )
     found = bench_run.outcome(recording)
@@ -185,11 +186,57 @@ def test_a_figure_is_what_its_definition_says():
         settling_s=0.25,
         speed_error=pytest.approx(math.sqrt((0.25 + 0.0001) / 4.0) / 2.0),
         overshoot_deg=pytest.approx(math.degrees(0.1)),
-        final_error_deg=0.0,
+        final_error_deg=pytest.approx(math.degrees(0.02)),
+        arrived=False,
         peak_torque_n_m=5.0,
         rms_torque_n_m=pytest.approx(math.sqrt(12.5)),
     )
-    assert bench_run.outcome(recording, late_s=0.25).residual == pytest.approx(0.005)
+    late = bench_run.outcome(recording, late_s=0.25)
+    assert late.residual == pytest.approx(0.005)
+    assert late.rms_torque_n_m == pytest.approx(math.sqrt(50.0 / 3.0))
+
+
+def test_a_bias_of_the_accelerometer_does_not_reach_the_speed():
+    silent = ["bench.accelerometer_noise_rad_s2=0.0"]
+    plain, biased = (
+        next(iter(compare(load(None, [*silent, *more]), ["listed"], ["lqg"]))).outcome
+        for more in ([], ["bench.accelerometer_bias_rad_s2=1.0"])
+    )
+    assert biased.residual_measured == pytest.approx(plain.residual_measured, rel=1e-6)
+    assert plain.residual_measured == pytest.approx(plain.residual, rel=0.01)
+
+
+def test_a_short_watch_changes_no_measured_residual():
+    """Nothing is assumed of how the move ends."""
+    short, long = (
+        next(iter(compare(load(None, [f"watch_s={watch}"]), ["listed"], ["pid"]))).outcome.residual_measured
+        for watch in (0.05, 0.5)
+    )
+    assert short == pytest.approx(long, abs=0.003)
+
+
+def test_a_load_that_is_held_back_has_not_arrived():
+    weak = load(None, ["drive.torque_limit_n_m=0.3", "bench.coulomb_torque_n_m=0.2"])
+    assert not next(iter(compare(weak, ["listed"], ["lqg"]))).outcome.arrived
+    assert next(iter(compare(SPEC, ["listed"], ["lqg"]))).outcome.arrived
+
+
+@pytest.mark.parametrize("truth", TRUTHS)
+def test_what_of_the_residual_is_owed_to_torque_fed_ahead_is_shown(rows, truth):
+    """The same cascade with the rigid inertia's torque leaves far less; LQG is still settled sooner, with less overshoot."""
+    for move in (1, 2, 3):
+        pid, ahead, lqg = (rows[truth, move, name].outcome for name in ("pid", "pid_ff", "lqg"))
+        assert ahead.residual < 0.65 * pid.residual
+        assert lqg.settling_s < ahead.settling_s
+        assert lqg.speed_error < ahead.speed_error
+        assert lqg.overshoot_deg < ahead.overshoot_deg
+
+
+def test_a_shaped_move_is_judged_from_the_shaper_s_end_on(rows):
+    row = rows["listed", 1, "pid_shaped"]
+    assert 0.02 < row.late_s < 0.03
+    assert row.outcome == bench_run.outcome(row.recording, row.late_s)
+    assert row.outcome.settling_s == pytest.approx(bench_run.outcome(row.recording).settling_s - row.late_s)
 
 
 @pytest.mark.parametrize(
@@ -197,7 +244,10 @@ def test_a_figure_is_what_its_definition_says():
     [
         (["model.stifness_n_m_rad=3"], ConfigError, "did you mean 'stiffness_n_m_rad'"),
         (["model.stiffness_n_m_rad=-3"], Exception, "stiffness_n_m_rad = -3"),
-        (["bench.load_inertia_kg_m2=-1"], ConfigError, "load_inertia_kg_m2"),
+        (["bench.load_inertia_kg_m2=-1"], ConfigError, "[bench] load_inertia_kg_m2 = -1"),
+        (["truth.listed.gear_rate=1"], ConfigError, "[truth.listed] gear_rate: unknown key, did you mean 'gear_ratio'"),
+        (["model.gear_ratio=50"], ConfigError, "[bench] gear_ratio = 100.0 with [model] gear_ratio = 50.0; must be the same"),
+        (["model.elastic_damping_n_m_s_rad=0.5"], ServoError, "pid_notch on a loop that does not swing"),
         (["bench.coulomb=1"], ConfigError, "coulomb_torque_n_m"),
         (["drive.period_s=0.05"], Exception, "half the sampling"),
         (["helpers.shaper='zzv'"], PlanError, "did you mean 'zv'"),
@@ -206,21 +256,39 @@ def test_a_figure_is_what_its_definition_says():
     ],
 )
 def test_what_cannot_be_had_is_refused_before_anything_moves(changes, error, said):
-    with pytest.raises(error, match=said.replace("[", r"\[")):
-        next(iter(compare(load(None, changes), ["listed"], list(CONTROLLERS))))
+    with pytest.raises(error, match=re.escape(said)):
+        compare(load(None, changes), ["listed"], list(CONTROLLERS))
 
 
-def test_a_move_that_is_too_fast_for_its_acceleration_names_the_least_time(tmp_path):
-    text = (Path(bench_run.__file__).parent / "source_001.toml").read_text().replace("= 1200.0", "= 1000.0")
-    (tmp_path / "fast.toml").write_text(text)
-    with pytest.raises(Infeasible, match=r"must be finite and >= 1117.01"):
-        next(iter(compare(load(tmp_path / "fast.toml"), ["listed"], ["pid"])))
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ("move.0.motor_acceleration_rad_s2=1000", r"\[\[move\]\] motor_acceleration_rad_s2 = 1000 .*; must be >= 1117.01"),
+        ("move.0.load_angle_deg=0", r"\[move.0\] load_angle_deg = 0 is no move"),
+        ("move.0.load_angle=4", r"\[move.0\] load_angle: unknown key, did you mean 'load_angle_deg'"),
+        ("move.1.time_s=0.005", r"^move.1.time_s = 0.005 with drive.period_s = 0.001; must be at least 10 samples"),
+        ("bench.disturbances=[{start_s=0, end_s=1, load_nm=3}]", r"\[bench.disturbances.0\] load_nm: .*'load_n_m'"),
+        ("move.3.time_s=1", r"'3' of a list of 3; must be 0 to 2"),
+    ],
+)
+def test_a_move_or_a_table_that_cannot_be_is_named(change, said):
+    with pytest.raises(ConfigError, match=said):
+        compare(load(None, [change]), ["listed"], ["pid"])
+
+
+@pytest.mark.parametrize("key", ["motor_inertia_kg_m2", "load_inertia_kg_m2", "stiffness_n_m_rad", "gear_ratio"])
+def test_a_bench_is_not_completed_from_another_rig(tmp_path, key):
+    head, bench = (Path(bench_run.__file__).parent / "source_001.toml").read_text().split("\n[bench]")
+    (tmp_path / "own.toml").write_text(head + "\n[bench]" + bench.replace(f"\n{key} =", f"\n# {key} =", 1))
+    with pytest.raises(ConfigError, match=rf"\[bench\] {key}: missing; add it"):
+        compare(load(tmp_path / "own.toml"), ["listed"], ["pid"])
 
 
 def test_the_command_shows_a_table_and_says_who_leaves_less(rig):
     code, out, _ = rig("servo", "compare", "--truth", "listed,fitted")
     assert code == 0
     assert "lqg leaves less vibration than pid in 6 of 6 moves" in out
+    assert "did not arrive" not in out
     assert "40° in 0.5 s" in out
     assert "127.4, 0.385" in out  # the design's least damped pair
     assert "the gains" in out
@@ -250,6 +318,7 @@ def test_the_command_s_document_has_every_run(rig, tmp_path):
         (("nothing.toml",), "servo comparison 'nothing.toml' cannot be read"),
         (("--plot", "x.gif"), "must end in one of"),
         (("--set", "period=1"), "must be section.key=value"),
+        (("--set", "seed.x=1"), "'seed' is a value, not a section"),
     ],
 )
 def test_the_command_names_what_it_cannot_use(rig, words, said):

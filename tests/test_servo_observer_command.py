@@ -60,6 +60,25 @@ def test_the_words_follow_the_figures(told):
     assert max(dampings) == dampings[2] == pytest.approx(document["best"]["damping"], rel=1e-6)
 
 
+@pytest.mark.parametrize("order", [2, 3])
+def test_a_filter_of_a_higher_order_has_the_same_limits_and_its_own_poles_between(told, order):
+    """Butterworth: (q - 1) (plant's denominator) + (motor's numerator) (Jm s + Dm), poles at exp(j pi (2 k + n - 1) / 2 n)."""
+    document = told("--order", order, "--time-constants", f"{TIMES},3e-3")
+    rows = {row["time_constant_s"]: row for row in document["rows"]}
+    for time_s, known in ((KNOWN["time_constant_s"][0], 0), (KNOWN["time_constant_s"][-1], -1)):
+        pair = rows[time_s]["rigid_nominal"]["pair"]
+        assert pair["frequency_rad_s"] == pytest.approx(KNOWN["elastic_rad_s"][known], rel=1e-6)
+        assert pair["damping"] == pytest.approx(KNOWN["elastic_damping"][known], rel=1e-5)
+    jm, jl = DRIVE["motor_inertia_kg_m2"], DRIVE["load_inertia_kg_m2"] / DRIVE["gear_ratio"] ** 2
+    dm, k, d = DRIVE["motor_friction_n_m_s_rad"], DRIVE["stiffness_n_m_rad"], DRIVE["elastic_damping_n_m_s_rad"]
+    q = {2: [1.0, 2.0**0.5, 0.0], 3: [1.0, 2.0, 2.0, 0.0]}[order] * 3e-3 ** np.arange(order, -1.0, -1.0)  # less 1
+    plant = [jm * jl, (jm + jl) * d + jl * dm, (jm + jl) * k + dm * d, dm * k]
+    poles = np.roots(np.polyadd(np.polymul(q, plant), np.polymul([jl, d, k], [jm, dm])))
+    least = min(-p.real / abs(p) for p in poles if p.imag)
+    assert rows[3e-3]["rigid_nominal"]["pair"]["damping"] == pytest.approx(least, rel=1e-6)
+    assert all(row["printed_h_f"] is None for row in rows.values())
+
+
 def test_with_a_nominal_of_the_whole_inertia_other_time_constants_damp(told):
     motor, whole = told(), told("--nominal-inertia", "4.2e-4")
     assert whole["nominal_inertia_kg_m2"] == 4.2e-4

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from rig.servo_studies.compare import Row
     from rig.servo_studies.spec import ServoSpec
 
-BOTH = "pid,lqg"
+SHOWN = "pid,pid_ff,lqg"
 SHARE = "of the first"  # controller, by its name
 COLUMNS = (
     ("truth", ""),
@@ -32,29 +32,31 @@ COLUMNS = (
     ("settled", "[ms]"),
     ("error", "[%]"),
     ("overshoot", "[°]"),
+    ("off", "[°]"),
     ("peak", "[N m]"),
     ("rms", "[N m]"),
 )
 LEGEND = (
-    "residual: largest speed of the load after the end of the move, true and by its accelerometer; error: rms of the speed;",
-    "all in % of the move's top speed. Settled: from the end on, until the speed stays below 1 %. Overshoot: of the load.",
-    "Peak, rms: torque of the motor. A shaper, or the filter of lqg_ff, makes a move end later. Truths: [bench] with changes.",
+    "residual: largest speed of the load after the end of the move, true and by its accelerometer; error: rms of the speed",
+    "against the move as asked; all in % of the move's top speed. Settled: from the end on, until the speed stays below 1 %.",
+    "Overshoot, off: of the load, off at the end of the watch. Peak, rms: torque of the motor. A shaper, or the filter of",
+    "lqg_ff, makes a move end later; that is not held against it but in the error. Truths: [bench] with changes.",
 )
 LOST = (
     "Source 001 publishes the joint's constants and the moves; its gains are not published and its traces are lost: the gains",
-    "here are ours, so it is the ranking that is comparable.",
+    "here are ours, so it is the ranking that is comparable. Its PID feeds the speed ahead, as pid does; lqg feeds the torque",
+    "ahead as well. pid_ff does that, too, and shows what of the residual is owed to it.",
 )
-
-
 DESIGNS: tuple[tuple[str, str], ...] = (
     ("controller", ""),
     ("slowest pole", "[rad/s]"),
     ("fastest", "[rad/s]"),
     ("least damped", "[rad/s], ratio"),
     ("zeros", "[rad/s], ratio"),
-    ("gain margin", ""),
+    ("gain may be", ""),
     ("phase margin", "[°]"),
     ("crossover", "[rad/s]"),
+    ("sensitivity", "peak"),
     ("eigenvectors", "condition"),
 )
 
@@ -65,8 +67,11 @@ def compare(
         typer.Argument(help="TOML of a comparison; source 001's three experiments unless given.", metavar="SPEC.toml"),
     ] = None,
     controllers: Annotated[
-        str, typer.Option(help="Names with commas, or all: pid, pid_notch, pid_observer, pid_shaped, assigned, lqg, lqg_ff.")
-    ] = BOTH,
+        str,
+        typer.Option(
+            help="Names with commas, or all: pid, pid_ff, pid_notch, pid_observer, pid_shaped, assigned, lqg, lqg_ff."
+        ),
+    ] = SHOWN,
     truth: Annotated[
         str, typer.Option(help="What the joint really is: names of the file's truths with commas, or all.")
     ] = "all",
@@ -118,22 +123,22 @@ def _words(option: str, text: str) -> list[str]:
 def _rows(spec: ServoSpec, truths: Sequence[str], names: Sequence[str], *, quiet: bool) -> list[Row]:
     from rig.servo_studies.compare import compare as runs
 
-    total = len(truths) * len(spec.move) * len(names)
-    rows = []
+    total, coming, rows = len(truths) * len(spec.move) * len(names), runs(spec, truths, names), []
     with Progress(console=err, transient=True, disable=quiet or not err.is_terminal) as progress:
         bar = progress.add_task("moves", total=total)
         if not quiet and not err.is_terminal:
             err.print(f"{total} moves on the simulated joint")
-        for row in runs(spec, truths, names):
+        for row in coming:
             rows.append(row)
             progress.update(bar, advance=1, description=f"{row.truth}, {row.title}, {row.controller}")
     return rows
 
 
 def _share(row: Row, rows: Sequence[Row]) -> float | None:
-    """The residual against that of the first controller on the same move."""
+    """The residual against that of the first controller on the same move, if both arrived."""
     first = next(r for r in rows if (r.truth, r.move) == (row.truth, row.move))
-    return row.outcome.residual / first.outcome.residual if first is not row and first.outcome.residual else None
+    comparable = first is not row and first.outcome.residual and first.outcome.arrived and row.outcome.arrived
+    return row.outcome.residual / first.outcome.residual if comparable else None
 
 
 def _document(spec: ServoSpec, facts: Mapping[str, Facts], rows: Sequence[Row]) -> dict[str, Any]:
@@ -141,10 +146,13 @@ def _document(spec: ServoSpec, facts: Mapping[str, Facts], rows: Sequence[Row]) 
         "exit_status": "ok",
         "period_s": spec.drive.period_s,
         "seed": spec.seed,
+        "moves": [msgspec.structs.asdict(move) for move in spec.move],
+        "model": msgspec.structs.asdict(spec.model),
+        "truths": {name: spec.truth_tables(name) for name in dict.fromkeys(row.truth for row in rows)},
         "designs": {name: _design(found) for name, found in facts.items()},
         "rows": [
             {"truth": row.truth, "move": row.move, "title": row.title, "controller": row.controller}
-            | row.outcome._asdict()
+            | {"late_s": row.late_s, **row.outcome._asdict()}
             | {"residual_of_the_first": _share(row, rows), "integration_error_rad": row.recording.integration_error_rad}
             | _current(spec, row)
             for row in rows
@@ -157,9 +165,12 @@ def _design(found: Facts) -> dict[str, Any]:
     return {
         "poles_1_s": [[pole.real, pole.imag] for pole in found.poles_1_s.tolist()],
         "zeros_1_s": [[zero.real, zero.imag] for zero in found.zeros_1_s.tolist()],
+        "stable": found.stable,
         "gain_margin": found.margins.gain,
+        "least_gain": found.margins.least_gain,
         "phase_margin_deg": found.margins.phase_deg,
         "crossover_rad_s": found.margins.crossover_rad_s,
+        "peak_sensitivity": found.margins.sensitivity,
         "eigenvector_condition": found.condition,
     }
 
@@ -177,7 +188,7 @@ def _print_designs(spec: ServoSpec, facts: Mapping[str, Facts]) -> None:
     title = f"loops on the joint believed in, every {1e3 * spec.drive.period_s:g} ms; opened at the motor's torque"
     table = Table(title=title, title_justify="left", box=None, padding=(0, 2, 0, 0))
     for name, unit in DESIGNS:
-        table.add_column(f"{name}\n{unit}", justify="right" if unit or name == "gain margin" else "left", no_wrap=True)
+        table.add_column(f"{name}\n{unit}", justify="right" if unit or name == "gain may be" else "left", no_wrap=True)
     for name, found in facts.items():
         pair = min(swinging(found.poles_1_s), key=lambda mode: mode.damping, default=None)
         slow = found.zeros_1_s[np.abs(found.zeros_1_s.imag) < 0.99 * math.pi / spec.drive.period_s]  # not of the sampling
@@ -186,14 +197,19 @@ def _print_designs(spec: ServoSpec, facts: Mapping[str, Facts]) -> None:
             f"{found.modes[0].frequency_rad_s:.2f}",
             f"{found.modes[-1].frequency_rad_s:.1f}",
             *("-" if mode is None else f"{mode.frequency_rad_s:.1f}, {mode.damping:.3f}" for mode in (pair, zero)),
-            f"{found.margins.gain:.3g}",
-            f"{found.margins.phase_deg:.1f}",
-            f"{found.margins.crossover_rad_s:.1f}",
+            *_margins(found),
             f"{found.condition:.3g}",
         )
         table.add_row(name, *cells)
     wide.print(table)
     out.print()
+
+
+def _margins(found: Facts) -> tuple[str, ...]:
+    m = found.margins
+    if not found.stable:
+        return ("unstable", "-", "-", "-")
+    return f"{m.least_gain:.3g} to {m.gain:.3g}", f"{m.phase_deg:.1f}", f"{m.crossover_rad_s:.1f}", f"{m.sensitivity:.2f}"
 
 
 def _print(file: Path | None, rows: Sequence[Row], names: Sequence[str]) -> None:
@@ -217,6 +233,7 @@ def _print(file: Path | None, rows: Sequence[Row], names: Sequence[str]) -> None
             f"{1e3 * o.settling_s:.0f}" if math.isfinite(o.settling_s) else "never",
             f"{100 * o.speed_error:.2f}",
             f"{o.overshoot_deg:.3f}",
+            f"{o.final_error_deg:.3f}".replace("-0.000", "0.000"),
             f"{o.peak_torque_n_m:.3f}",
             f"{o.rms_torque_n_m:.3f}",
         )
@@ -227,6 +244,10 @@ def _print(file: Path | None, rows: Sequence[Row], names: Sequence[str]) -> None
         out.print(line, style="dim")
     for name in names[1:]:
         out.print(_verdict(name, names[0], rows))
+    for row in rows:
+        if not row.outcome.arrived:
+            off = f"{row.outcome.final_error_deg:.3g}° off"
+            out.print(f"{row.controller} did not arrive: truth {row.truth}, {row.title}, {off}", style="red")
 
 
 def _verdict(name: str, first: str, rows: Sequence[Row]) -> str:

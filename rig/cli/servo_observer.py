@@ -39,6 +39,9 @@ def observer(
     nominal_inertia: Annotated[
         float | None, typer.Option(help="Of the rigid nominal model in kg m²; the motor alone unless given.")
     ] = None,
+    order: Annotated[
+        int, typer.Option(help="Of Q: 1 is the lecture's; above it Butterworth's, with its corner at 1 / T_f.")
+    ] = 1,
     plot: Annotated[Path | None, typer.Option(help="Draw damping over T_f and the load's speed: .svg, .png or .pdf.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")] = False,
 ) -> int:
@@ -52,7 +55,7 @@ def observer(
         picture_file.check(plot)
         check_folder("--plot", plot)
     times = TIME_CONSTANTS_S if time_constants is None else _numbers(time_constants)
-    task = ObserverTask(joint=rig_joint(joint), time_constants_s=times, nominal_inertia_kg_m2=nominal_inertia)
+    task = ObserverTask(joint=rig_joint(joint), time_constants_s=times, nominal_inertia_kg_m2=nominal_inertia, order=order)
     rows, bare, turn = study(task), without(task), turns(task)
     if plot is not None:
         from rig.servo_studies.observer_figure import draw_observer
@@ -78,6 +81,7 @@ def _document(joint: str, task: ObserverTask, rows: Sequence[ObserverRow], bare:
     return {
         "exit_status": "ok",
         "joint": joint,
+        "order": task.order,
         "nominal_inertia_kg_m2": float(task.rigid.denominator[0]),
         "without": _told(bare),
         "locked_rotor": task.locked._asdict(),
@@ -126,12 +130,18 @@ def _print(joint: str, task: ObserverTask, rows: Sequence[ObserverRow], bare: Re
 def _pair_table(joint: str, task: ObserverTask, rows: Sequence[ObserverRow], bare: Rejection) -> Table:
     j = task.joint
     title = f"Joint {joint}: Jm {j.motor_inertia_kg_m2:.6g}, Jlr {j.reflected_inertia_kg_m2:.6g} kg m²; "
-    title += f"rigid nominal of {task.rigid.denominator[0]:.6g} kg m²"
+    title += f"rigid nominal of {task.rigid.denominator[0]:.6g} kg m²; Q of order {task.order}"
     headers = (CORNER, "rigid nominal", "the load", "elastic nominal", "stiff load, rigid nominal", "H_f printed")
     view = _table(title, headers)
     view.add_row("none", _mode(bare.pair), "", _mode(bare.pair), "", "")
     for row in rows:
-        cells = (_mode(row.rigid.pair), _effect(row, task), _mode(row.elastic.pair), _mode(row.stiff), _mode(row.printed))
+        cells = (
+            _mode(row.rigid.pair),
+            _effect(row, task),
+            _mode(row.elastic.pair),
+            _mode(row.stiff),
+            _mode(row.printed) if task.order == 1 else "-",
+        )
         view.add_row(f"{row.time_constant_s:g}", *cells)
     return view
 

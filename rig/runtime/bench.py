@@ -58,9 +58,9 @@ def synthetic_video(experiment: Experiment, seconds: float) -> Iterator[TruthRow
     yield from swinging_video(params(experiment), seconds)
 
 
-def elastic_joint(tables: dict[str, Any], seed: int) -> ElasticJoint:
-    """The world of a drive's study from its `[bench]`; raises ConfigError naming section, key, value and bound."""
+def elastic_joint(tables: dict[str, Any], seed: int, section: str = "bench") -> ElasticJoint:
+    """The world of a drive's study from that section; raises ConfigError naming section, key, value and bound."""
     try:
-        return ElasticJoint(convert(tables, Joint, "bench"), seed)
+        return ElasticJoint(convert(tables, Joint, section), seed)
     except ValueError as error:
         raise ConfigError(str(error)) from None

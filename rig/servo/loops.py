@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planners.pieces import ComplexArray, FloatArray
+from rig.servo.errors import ServoError
 
 DELAY = 1e-9  # of a discrete pole that counts as 0
 REAL = 1e-9  # imaginary part of a real pole, as a share of its size
@@ -21,11 +22,13 @@ class Mode(NamedTuple):
 
 
 class Margins(NamedTuple):
-    """Of a loop opened at one place; inf where the loop never gets there."""
+    """Of a loop opened at one place, if it is stable closed; inf or 0 where the loop never gets there."""
 
-    gain: float  # by which the gain may grow, or, below 1, how far it may fall
+    gain: float  # by which the gain may grow
+    least_gain: float  # to which it may fall
     phase_deg: float
-    crossover_rad_s: float  # where |L| falls through 1
+    crossover_rad_s: float  # of |L| = 1 with that phase
+    sensitivity: float  # largest |1 / (1 + L)|
 
 
 class Facts(NamedTuple):
@@ -40,6 +43,11 @@ class Facts(NamedTuple):
     def modes(self) -> tuple[Mode, ...]:
         """Slowest first."""
         return modes(self.poles_1_s)
+
+    @property
+    def stable(self) -> bool:
+        """Whether every pole decays; margins mean nothing otherwise."""
+        return bool(np.all(self.poles_1_s.real < 0.0))
 
 
 def facts(opened: Any, closed: Any) -> Facts:
@@ -72,10 +80,11 @@ def swinging(poles_1_s: ComplexArray | FloatArray) -> tuple[Mode, ...]:
 
 
 def margins(opened: Any) -> Margins:
-    """Of L = P C with negative feedback: gain and phase margin, and the crossover that belongs to the phase margin.
+    """Of L = P C with negative feedback; that the closed loop is stable is for its poles to say.
 
     In time of the loop's fastest pole, and of a sampled loop along w = (2 / T)(z - 1) / (z + 1), which has its margins: the
-    polynomials of nine poles near z = 1, or of powers of 1000 rad/s, leave no digit of them.
+    polynomials of nine poles near z = 1, or of powers of 1000 rad/s, leave no digit of them. Raises ServoError for a sampled
+    loop with a pole at z = -1, which that does not reach.
     """
     import control
 
@@ -83,18 +92,35 @@ def margins(opened: Any) -> Margins:
     a, b, c, d = (np.asarray(part) for part in (system.A, system.B, system.C, system.D))
     period_s = float(system.dt or 0.0)
     if period_s:
-        inverse, one = np.linalg.inv(np.eye(len(a)) + a), np.eye(len(a))
-        a, b, c, d = 2.0 / period_s * inverse @ (a - one), 2.0 / period_s * inverse @ b, 2.0 * c @ inverse, d - c @ inverse @ b
+        a, b, c, d = _along_w(a, b, c, d, period_s)
+    end = float(d[0, 0])  # L at infinite frequency; of a sampled loop at half the sampling
     rate_1_s = float(np.max(np.abs(np.linalg.eigvals(a)), initial=0.0)) or 1.0
-    gain, phase, _, _, crossover, _ = control.stability_margins(control.ss(a / rate_1_s, b / rate_1_s, c, d))
-    crossover *= rate_1_s
-    if period_s:
+    scaled = control.ss(a / rate_1_s, b / rate_1_s, c, d)
+    gains, phases, distances, _, crossings, _ = control.stability_margins(scaled, returnall=True)
+    gains = np.append(gains, -1.0 / end) if end < 0.0 else gains
+    nearest = int(np.argmin(np.abs(phases))) if len(phases) else None
+    crossover = math.inf if nearest is None else float(crossings[nearest]) * rate_1_s
+    if period_s and nearest is not None:
         crossover = 2.0 / period_s * math.atan(crossover * period_s / 2.0)
-    return Margins(float(gain), float(phase), _or_inf(crossover))
+    return Margins(
+        gain=float(min(gains[gains > 1.0], default=math.inf)),
+        least_gain=float(max(gains[gains < 1.0], default=0.0)),
+        phase_deg=math.inf if nearest is None else float(phases[nearest]),
+        crossover_rad_s=crossover,
+        sensitivity=1.0 / float(min(*distances, abs(1.0 + end), math.inf)),
+    )
+
+
+def _along_w(a: Any, b: Any, c: Any, d: Any, period_s: float) -> tuple[Any, Any, Any, Any]:
+    one = np.eye(len(a))
+    if len(a) and np.min(np.abs(np.linalg.eigvals(a) + 1.0)) < DELAY:
+        raise ServoError("a sampled loop with a pole at z = -1; must have none: it rings at half the sampling, filter it")
+    inverse = np.linalg.inv(one + a)
+    return 2.0 / period_s * inverse @ (a - one), 2.0 / period_s * inverse @ b, 2.0 * c @ inverse, d - c @ inverse @ b
 
 
 def condition(system: Any) -> float:
-    """cond of the eigenvectors of the state matrix, each column of length 1; 1 is best, inf a Jordan block (source 001).
+    """cond of the eigenvectors of the state matrix, each column of length 1; 1 is best, beyond 1e7 two are alike (source 001).
 
     States are balanced first, as metres beside metres a second say nothing of robustness.
     """

@@ -14,7 +14,7 @@ from rig.errors import RunFailed
 from rig.servo.setpoint import Controller, Setpoint
 
 SETTLED = 0.01  # of the largest reference speed
-QUIET = 0.2  # of the watch: its end, in which the accelerometer's speed is taken as 0
+ARRIVED = 0.01  # of the move: a load farther than this from its goal has not arrived
 
 
 class Reading(Protocol):
@@ -91,25 +91,34 @@ class Outcome(NamedTuple):
     residual: float  # share of the largest reference speed
     residual_measured: float  # the same by the accelerometer
     settling_s: float  # after the end of the move until |speed| stays below SETTLED of the largest one; inf if never
-    speed_error: float  # rms over the run, share likewise
+    speed_error: float  # rms of move and watch against the move as asked, share likewise
     overshoot_deg: float  # of the load beyond the goal
-    final_error_deg: float  # of the load, at the end of the watch
+    final_error_deg: float  # of the load beyond the goal, at the end of the watch
+    arrived: bool  # within ARRIVED of the move
     peak_torque_n_m: float
     rms_torque_n_m: float  # over the move
 
 
 def run(
-    bench: Bench, controller: Controller, trajectory: Trajectory, gear_ratio: float, period_s: float, watch_s: float
+    bench: Bench,
+    controller: Controller,
+    trajectory: Trajectory,
+    gear_ratio: float,
+    period_s: float,
+    *,
+    rest_s: float,
+    watch_s: float,
 ) -> Recording:
-    """Move along the trajectory (angle of the motor [rad]) and watch; the bench must be at rest at its start.
+    """Rest, move along the trajectory (angle of the motor [rad]), and watch; the bench must be at rest at its start.
 
-    Raises RunFailed when the bench cannot go on, e.g. under a controller that is unstable.
+    Time is 0 at the start of the move. Raises RunFailed when the bench cannot go on, e.g. under a controller that is unstable.
     """
-    samples = math.ceil((trajectory.duration_s + watch_s) / period_s - 1e-9) + 1
-    t = period_s * np.arange(samples, dtype=np.float64)
-    wanted = np.stack([trajectory.at(np.minimum(t, trajectory.duration_s), order) for order in range(3)], axis=1)
-    wanted[t >= trajectory.duration_s, 1:] = 0.0
-    rows = np.empty((samples, 4))
+    before = math.ceil(rest_s / period_s - 1e-9)
+    after = math.ceil((trajectory.duration_s + watch_s) / period_s - 1e-9) + 1
+    t = period_s * np.arange(-before, after, dtype=np.float64)
+    wanted = np.stack([trajectory.at(np.clip(t, 0.0, trajectory.duration_s), order) for order in range(3)], axis=1)
+    wanted[(t < 0.0) | (t >= trajectory.duration_s), 1:] = 0.0
+    rows = np.empty((t.size, 4))
     for k, setpoint in enumerate(wanted.tolist()):
         reading, truth = bench.read(), bench.truth()
         rows[k, :3] = truth.load_angle_rad, truth.load_speed_rad_s, reading.load_acceleration_rad_s2
@@ -122,7 +131,7 @@ def run(
         wanted[:, 1] / gear_ratio,
         rows[:, 0],
         rows[:, 1],
-        _speed(rows[:, 2], period_s, int(QUIET * watch_s / period_s)),
+        _speed(rows[:, 2], period_s, before),
         rows[:, 3],
         bench.truth().integration_error_rad,
     )
@@ -131,16 +140,17 @@ def run(
 def outcome(recording: Recording, late_s: float = 0.0) -> Outcome:
     """Figures of a run whose reference moves, under a controller that is meant to be late_s later."""
     r = recording
-    after, moving = r.t_s >= r.end_s + late_s, r.t_s < r.end_s + late_s
+    after, moving = r.t_s >= r.end_s + late_s, (r.t_s >= 0.0) & (r.t_s < r.end_s + late_s)
     fastest, goal = float(np.abs(r.reference_rad_s).max()), float(r.reference_rad[-1])
     beyond = (r.load_rad - goal) * math.copysign(1.0, goal)
     return Outcome(
         residual=float(np.abs(r.load_rad_s[after]).max()) / fastest,
         residual_measured=float(np.abs(r.measured_rad_s[after]).max()) / fastest,
         settling_s=_settling_s(r.t_s[after] - r.end_s - late_s, np.abs(r.load_rad_s[after]) > SETTLED * fastest),
-        speed_error=float(np.sqrt(np.mean((r.load_rad_s - r.reference_rad_s) ** 2))) / fastest,
+        speed_error=float(np.sqrt(np.mean((r.load_rad_s - r.reference_rad_s)[r.t_s >= 0.0] ** 2))) / fastest,
         overshoot_deg=math.degrees(max(0.0, float(beyond.max()))),
         final_error_deg=math.degrees(float(beyond[-1])),
+        arrived=bool(abs(beyond[-1]) <= ARRIVED * abs(goal)),
         peak_torque_n_m=float(np.abs(r.torque_n_m).max()),
         rms_torque_n_m=float(np.sqrt(np.mean(r.torque_n_m[moving] ** 2))),
     )
@@ -161,9 +171,7 @@ def _settling_s(t_s: FloatArray, moves: NDArray[np.bool_]) -> float:
     return float(t_s[last[-1] + 1]) if last[-1] + 1 < t_s.size else math.inf
 
 
-def _speed(acceleration_rad_s2: FloatArray, period_s: float, quiet: int) -> FloatArray:
-    """Trapezoids added up; the sensor's bias is what makes the speed drift from rest to rest."""
-    speed = np.concatenate([[0.0], np.cumsum((acceleration_rad_s2[1:] + acceleration_rad_s2[:-1]) / 2.0 * period_s)])
-    at = np.arange(speed.size)
-    quiet = max(1, quiet)
-    return np.asarray(speed - at * (speed[-quiet:].mean() / at[-quiet:].mean()))
+def _speed(acceleration_rad_s2: FloatArray, period_s: float, before: int) -> FloatArray:
+    """Trapezoids added up, less the sensor's bias, which is its mean at rest before the move."""
+    felt = acceleration_rad_s2 - acceleration_rad_s2[:before].mean()
+    return np.concatenate([[0.0], np.cumsum((felt[1:] + felt[:-1]) / 2.0 * period_s)])

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from planners.errors import unknown_name
+from planners.trajectory import Trajectory
 from rig.runtime import bench
 from rig.servo.loops import Facts
 from rig.servo.wiring import position_loop
@@ -46,16 +47,27 @@ def built(spec: ServoSpec, controllers: Sequence[str]) -> dict[str, Drive]:
 def compare(spec: ServoSpec, truths: Sequence[str], controllers: Sequence[str]) -> Iterator[Row]:
     """Runs one after the other, all of a truth and a move together.
 
-    Raises ConfigError or PlanError for a truth or controller nobody knows, ServoError for gains that cannot be had; all of them
-    before the first run.
+    Raises, before the first run, ConfigError or PlanError for a truth or controller nobody knows, ServoError for gains that
+    cannot be had.
     """
-    drives = built(spec, controllers)
+    drives, paths = built(spec, controllers), [move.trajectory(spec.model.gear_ratio) for move in spec.move]
     tables = {truth: spec.truth_tables(truth) for truth in truths}
-    paths = [move.trajectory(spec.model.gear_ratio) for move in spec.move]
+    bench.elastic_joint(spec.bench, spec.seed)
     for truth in truths:
-        bench.elastic_joint(tables[truth], spec.seed)
-    for truth, move, name in product(truths, range(len(spec.move)), controllers):
-        joint, drive = bench.elastic_joint(tables[truth], spec.seed), drives[name]
-        drive.controller.reset()
-        recording = run(joint, drive.controller, paths[move], spec.model.gear_ratio, spec.drive.period_s, spec.watch_s)
-        yield Row(truth, move + 1, spec.move[move].title, name, drive.late_s, outcome(recording, drive.late_s), recording)
+        bench.elastic_joint(tables[truth], spec.seed, f"truth.{truth}")
+    order = product(truths, range(len(paths)), controllers)
+    return (_run(spec, truth, tables[truth], move, paths[move], name, drives[name]) for truth, move, name in order)
+
+
+def _run(spec: ServoSpec, truth: str, table: dict[str, Any], move: int, path: Trajectory, name: str, drive: Drive) -> Row:
+    drive.controller.reset()
+    recording = run(
+        bench.elastic_joint(table, spec.seed),
+        drive.controller,
+        path,
+        spec.model.gear_ratio,
+        spec.drive.period_s,
+        rest_s=spec.rest_s,
+        watch_s=drive.late_s + spec.watch_s,
+    )
+    return Row(truth, move + 1, spec.move[move].title, name, drive.late_s, outcome(recording, drive.late_s), recording)

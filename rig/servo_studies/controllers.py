@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,15 +11,17 @@ import numpy as np
 from rig.servo.cascade import Cascade, CascadeController
 from rig.servo.disturbance_design import LowPass, Nominal, ObserverDesign
 from rig.servo.disturbance_observer import Compensated, DisturbanceObserver
+from rig.servo.errors import ServoError
 from rig.servo.estimator import Estimator, Noise, kalman
 from rig.servo.estimator import assign as assign_estimator
 from rig.servo.feed_forward import LoadFilter, least_degree
-from rig.servo.loops import swinging
+from rig.servo.loops import Mode, swinging
 from rig.servo.lqg import StateSpaceController
 from rig.servo.notch import Notch
 from rig.servo.setpoint import Controller, Setpoint
 from rig.servo.shaped_setpoint import ShapedSetpoint, design
 from rig.servo.state_feedback import Feedback, assign, lq
+from rig.servo.wiring import Loop
 from rig.servo_studies.spec import ServoSpec
 
 SETTLED = 1e-3  # of a step: what a filter may still have to go when it counts as done
@@ -63,10 +66,16 @@ def pid(spec: ServoSpec) -> Drive:
     return Drive(CascadeController(_cascade(spec), spec.drive.period_s))
 
 
+def pid_ff(spec: ServoSpec) -> Drive:
+    """With the torque of the rigid inertia fed ahead as well, as the state-space controllers have it."""
+    inertia = spec.pid.feed_forward * spec.joint.rigid_inertia_kg_m2
+    return Drive(CascadeController(replace(_cascade(spec), feed_forward_inertia_kg_m2=inertia), spec.drive.period_s))
+
+
 def pid_notch(spec: ServoSpec) -> Drive:
     """With a notch upstream of the speed loop, on that loop's least damped pair."""
     cascade = _cascade(spec)
-    pair = min(swinging(cascade.speed_loop(spec.joint).facts.poles_1_s), key=lambda mode: mode.damping)
+    pair = _least_damped("pid_notch", cascade.speed_loop(spec.joint))
     notch = Notch.tuned_to(pair, spec.helpers.notch_damping)
     return Drive(CascadeController(cascade, spec.drive.period_s, notch, "upstream"))
 
@@ -82,7 +91,7 @@ def pid_observer(spec: ServoSpec) -> Drive:
 def pid_shaped(spec: ServoSpec) -> Drive:
     """Behind a shaper for the position loop's least damped pair, which the load shows."""
     cascade, period_s = _cascade(spec), spec.drive.period_s
-    pair = min(swinging(cascade.position_loop(spec.joint).facts.poles_1_s), key=lambda mode: mode.damping)
+    pair = _least_damped("pid_shaped", cascade.position_loop(spec.joint))
     shaper = design(spec.helpers.shaper, [pair], period_s)
     inner = CascadeController(cascade, period_s)
     return Drive(Shaped(ShapedSetpoint(shaper, period_s), inner), float(shaper.times_s[-1]))
@@ -110,6 +119,7 @@ def lqg_ff(spec: ServoSpec) -> Drive:
 
 CONTROLLERS: dict[str, Callable[[ServoSpec], Drive]] = {
     "pid": pid,
+    "pid_ff": pid_ff,
     "pid_notch": pid_notch,
     "pid_observer": pid_observer,
     "pid_shaped": pid_shaped,
@@ -123,6 +133,13 @@ def _cascade(spec: ServoSpec) -> Cascade:
     p = spec.pid
     limit = spec.drive.torque_limit_n_m
     return Cascade.normalised(spec.joint, p.speed_crossover, p.position_crossover, p.reset_time, torque_limit_n_m=limit)
+
+
+def _least_damped(name: str, loop: Loop) -> Mode:
+    pair = min(swinging(loop.facts.poles_1_s), key=lambda mode: mode.damping, default=None)
+    if pair is None:
+        raise ServoError(f"{name} on a loop that does not swing; must have a pair of complex poles: leave {name} out")
+    return pair
 
 
 def _optimal(spec: ServoSpec) -> tuple[Feedback, Estimator]:

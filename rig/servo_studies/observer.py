@@ -1,6 +1,7 @@
 """What a torque disturbance observer does to an elastic joint, over the time constant of its filter (source 001, TDO).
 
-Q = 1 / (1 + s T_f), with the motor alone or the whole elastic joint as nominal model, before a stiff and an elastic load.
+Q = 1 / (1 + s T_f), or Butterworth's of a higher order with its corner at 1 / T_f; with the motor alone or the whole elastic
+joint as nominal model, before a stiff and an elastic load.
 """
 
 from __future__ import annotations
@@ -26,11 +27,15 @@ GRID = 400  # time constants tried between those limits
 
 @dataclass(frozen=True, kw_only=True)
 class ObserverTask:
-    """A joint, the time constants, and the rigid nominal (the motor alone unless given). Raises ServoError for no such task."""
+    """A joint, the time constants, the rigid nominal (the motor alone unless given), and the order of Q.
+
+    Raises ServoError for no such task.
+    """
 
     joint: TwoMass
     time_constants_s: tuple[float, ...] = TIME_CONSTANTS_S
     nominal_inertia_kg_m2: float | None = None
+    order: int = 1
 
     def __post_init__(self) -> None:
         self.joint.check_elastic()
@@ -38,7 +43,16 @@ class ObserverTask:
             raise ServoError("time_constants_s = (); must be one or more: give them in s")
         for value in self.time_constants_s:
             check_datum("time constant", value)
+            self.low_pass(value)
         _ = self.rigid, self.elastic
+
+    def low_pass(self, time_constant_s: float) -> LowPass:
+        """Q. Of the first order Butterworth's is the lecture's."""
+        return LowPass(time_constant_s=time_constant_s, order=self.order, kind="butterworth")
+
+    def design(self, nominal: Nominal, time_constant_s: float) -> ObserverDesign:
+        """The observer with one of the nominals."""
+        return ObserverDesign(low_pass=self.low_pass(time_constant_s), nominal=nominal)
 
     @property
     def rigid(self) -> Nominal:
@@ -102,7 +116,7 @@ class ObserverRow(NamedTuple):
     elastic: Rejection
     stiff: Mode  # the least damped pole of a stiff load (Jm + Jlr in one) under the rigid nominal
     stiff_low: float  # like low, of the stiff load
-    printed: Mode | None  # the pair that H_f as source 001 prints it would have
+    printed: Mode | None  # the pair that H_f as source 001 prints it, for the first order, would have
 
 
 class Turns(NamedTuple):
@@ -123,14 +137,9 @@ def without(task: ObserverTask) -> Rejection:
     return _rejection(task, task.bare, _alone(task.joint, "motor"), _alone(task.joint, "load"))
 
 
-def design(nominal: Nominal, time_constant_s: float) -> ObserverDesign:
-    """With the lecture's filter of the first order."""
-    return ObserverDesign(low_pass=LowPass(time_constant_s=time_constant_s), nominal=nominal)
-
-
 def damping(task: ObserverTask, time_constant_s: float) -> float:
     """Of the least damped pair under the rigid nominal; 1 where nothing swings."""
-    pair = design(task.rigid, time_constant_s).elastic_pair(task.joint)
+    pair = task.design(task.rigid, time_constant_s).elastic_pair(task.joint)
     return 1.0 if pair is None else pair.damping
 
 
@@ -149,14 +158,14 @@ def turns(task: ObserverTask) -> Turns:
     if more.size and more[-1] < top:
         ends = float(grid[more[-1]]), float(grid[more[-1] + 1])
         crossing = float(np.exp(brentq(lambda x: damping(task, float(np.exp(x))) - task.bare.damping, *ends)))
-    return Turns(crossing, best, design(task.rigid, best).elastic_pair(task.joint))
+    return Turns(crossing, best, task.design(task.rigid, best).elastic_pair(task.joint))
 
 
 def course(task: ObserverTask, nominal: Nominal | None, time_constant_s: float, torque: Place) -> Course:
     """The load's speed after 1 N m on motor or load, exactly; without observer for nominal = None."""
     if nominal is None:
         return _step(task, _alone(task.joint, torque))
-    return _step(task, design(nominal, time_constant_s).disturbance(task.joint, torque, "load"))
+    return _step(task, task.design(nominal, time_constant_s).disturbance(task.joint, torque, "load"))
 
 
 def printed_poles_1_s(joint: TwoMass, time_constant_s: float) -> ComplexArray:
@@ -169,11 +178,11 @@ def printed_poles_1_s(joint: TwoMass, time_constant_s: float) -> ComplexArray:
 
 def _row(task: ObserverTask, time_constant_s: float) -> ObserverRow:
     stiff, stiff_low = _stiff(task, time_constant_s)
-    printed = swinging(printed_poles_1_s(task.joint, time_constant_s))
+    printed = swinging(printed_poles_1_s(task.joint, time_constant_s)) if task.order == 1 else ()
     return ObserverRow(
         time_constant_s=time_constant_s,
-        rigid=_observed(task, design(task.rigid, time_constant_s)),
-        elastic=_observed(task, design(task.elastic, time_constant_s)),
+        rigid=_observed(task, task.design(task.rigid, time_constant_s)),
+        elastic=_observed(task, task.design(task.elastic, time_constant_s)),
         stiff=stiff,
         stiff_low=stiff_low,
         printed=min(printed, key=lambda mode: mode.damping, default=None),
@@ -200,11 +209,12 @@ def _rejection(task: ObserverTask, pair: Mode | None, motor: Ratio, load: Ratio)
 
 
 def _stiff(task: ObserverTask, time_constant_s: float) -> tuple[Mode, float]:
-    """Least damped pole, and rejection at LOW omega_z: T s P^-1 + Pn^-1 with P = 1 / ((Jm + Jlr) s + Dm + Dlr)."""
+    """Least damped pole, and rejection at LOW omega_z: (1 / Q - 1) P^-1 + Pn^-1 with P = 1 / ((Jm + Jlr) s + Dm + Dlr)."""
     body = np.array([task.joint.rigid_inertia_kg_m2, task.joint.rigid_friction_n_m_s_rad])
-    whole = np.polyadd(np.polymul([time_constant_s, 0.0], body), task.rigid.denominator)
+    high = np.append(task.low_pass(time_constant_s).denominator[:-1], 0.0)  # 1 / Q - 1
+    whole = np.polyadd(np.polymul(high, body), task.rigid.denominator)
     s = 1j * LOW * task.joint.antiresonance_rad_s
-    low = abs(time_constant_s * s * np.polyval(body, s) / np.polyval(whole, s))
+    low = abs(np.polyval(high, s) * np.polyval(body, s) / np.polyval(whole, s))
     return min(modes(_roots(np.asarray(whole))), key=lambda mode: mode.damping), float(low)
 
 
@@ -215,7 +225,7 @@ def _alone(joint: TwoMass, torque: Place) -> Ratio:
 
 
 def _step(task: ObserverTask, ratio: Ratio) -> Course:
-    """By residues: all poles are single, as the filter is of the first order."""
+    """By residues: all poles are single, as those of Q are."""
     t = np.linspace(0.0, PERIODS * 2.0 * np.pi / task.joint.antiresonance_rad_s, POINTS)
     below = np.append(ratio.denominator, 0.0)  # times 1 / s
     poles = np.roots(below)

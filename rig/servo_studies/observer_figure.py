@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from rig.servo.disturbance_design import Nominal, Place
 from rig.servo.loops import swinging
-from rig.servo_studies.observer import ObserverTask, course, damping, design, printed_poles_1_s, turns
+from rig.servo_studies.observer import ObserverTask, course, damping, printed_poles_1_s, turns
 
 BARE, FAST, BEST, ELASTIC, GREY = "#212121", "#c62828", "#2e7d32", "#1565c0", "#757575"
 DECADES = 3.0  # each side of 1 / omega_z
@@ -62,7 +62,7 @@ def _spectrum(panel: Axes, task: ObserverTask, curves: list[tuple[str, Nominal |
     omega = task.joint.antiresonance_rad_s * np.logspace(-2.0, 1.5, 1200)
     plant = np.polyval(task.joint.load_numerator, 1j * omega) / np.polyval(task.joint.denominator[:-1], 1j * omega)
     for label, nominal, time_s, colour in curves:
-        found = plant if nominal is None else design(nominal, time_s).disturbance(task.joint, "motor", "load").at(omega)
+        found = plant if nominal is None else task.design(nominal, time_s).disturbance(task.joint, "motor", "load").at(omega)
         panel.loglog(omega, np.abs(found), color=colour, lw=1.6, label=label)
     panel.set_title("speed of the load over a torque on the motor [rad/s per N m]", fontsize=11)
     panel.set_xlabel("frequency [rad/s]")

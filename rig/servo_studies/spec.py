@@ -19,17 +19,24 @@ from rig.errors import ConfigError
 from rig.servo.two_mass import TwoMass
 
 SHIPPED = "source_001"
+SHORTEST = 10  # samples of a move
+NEEDED = ("motor_inertia_kg_m2", "load_inertia_kg_m2", "stiffness_n_m_rad", "gear_ratio")  # of a bench
+FRICTIONLESS = dict.fromkeys(("motor_friction_n_m_s_rad", "load_friction_n_m_s_rad", "elastic_damping_n_m_s_rad"), 0.0)
 Positive = Annotated[float, Meta(gt=0, le=1e12)]
 NotNegative = Annotated[float, Meta(ge=0, le=1e12)]
 Share = Annotated[float, Meta(gt=0, le=1e3)]
 
 
 class MoveSection(Section, frozen=True, kw_only=True):
-    """`[[move]]`: a trapezoid of speed, from rest to rest."""
+    """`[[move]]`: a trapezoid of speed, from rest to rest. Raises ValueError for one that does not move."""
 
     load_angle_deg: Annotated[float, Meta(ge=-1e6, le=1e6)]
     time_s: Annotated[float, Meta(gt=0, le=60)]
     motor_acceleration_rad_s2: Positive
+
+    def __post_init__(self) -> None:
+        if not self.load_angle_deg:
+            raise ValueError("load_angle_deg = 0 is no move; must be another angle: give it a sign for the direction")
 
     @property
     def title(self) -> str:
@@ -37,8 +44,14 @@ class MoveSection(Section, frozen=True, kw_only=True):
         return f"{self.load_angle_deg:g}° in {self.time_s:g} s"
 
     def trajectory(self, gear_ratio: float) -> Trajectory:
-        """Angle of the motor [rad]. Raises Infeasible for an acceleration that is too low for the time."""
+        """Angle of the motor [rad]. Raises ConfigError for an acceleration that is too low for the time."""
         angle_rad = math.radians(self.load_angle_deg) * gear_ratio
+        least = 4.0 * abs(angle_rad) / self.time_s**2
+        if self.motor_acceleration_rad_s2 < least * (1.0 - 1e-12):
+            raise ConfigError(
+                f"[[move]] motor_acceleration_rad_s2 = {self.motor_acceleration_rad_s2:g} for {self.title} by a gear of ratio "
+                f"{gear_ratio:g}; must be >= {least:.6g}: raise it, or give the move more time"
+            )
         return trapezoidal_by_acceleration(angle_rad, self.time_s, self.motor_acceleration_rad_s2).trajectory()
 
 
@@ -58,7 +71,7 @@ class DriveSection(Section, frozen=True, kw_only=True):
     """`[drive]`: sample time, the limit every controller knows, and what an ampere makes."""
 
     period_s: Annotated[float, Meta(gt=0, le=0.1)] = 0.001
-    torque_limit_n_m: Positive = math.inf
+    torque_limit_n_m: Annotated[float, Meta(gt=0)] = math.inf
     torque_constant_n_m_a: Positive | None = None
 
 
@@ -68,6 +81,7 @@ class PidSection(Section, frozen=True, kw_only=True):
     speed_crossover: Share = 0.7
     position_crossover: Share = 0.15
     reset_time: Share = 10.0
+    feed_forward: Annotated[float, Meta(ge=0, le=10)] = 1.0  # of pid_ff: share of the rigid inertia that it feeds ahead
 
 
 class LqgSection(Section, frozen=True, kw_only=True):
@@ -119,7 +133,18 @@ class ServoSpec(Section, frozen=True, kw_only=True):
     assigned: AssignedSection = AssignedSection()
     helpers: HelpersSection = HelpersSection()
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 1
+    rest_s: Annotated[float, Meta(ge=0.01, le=60)] = (
+        0.2  # before each move, for the accelerometer's bias; the bench begins here
+    )
     watch_s: Annotated[float, Meta(gt=0, le=60)] = 0.5
+
+    def __post_init__(self) -> None:
+        for number, move in enumerate(self.move):
+            if move.time_s < SHORTEST * self.drive.period_s:
+                raise ValueError(
+                    f"move.{number}.time_s = {move.time_s} with drive.period_s = {self.drive.period_s}; must be at least "
+                    f"{SHORTEST} samples: sample faster, or give the move more time"
+                )
 
     @property
     def joint(self) -> TwoMass:
@@ -127,10 +152,19 @@ class ServoSpec(Section, frozen=True, kw_only=True):
         return TwoMass(**msgspec.structs.asdict(self.model))
 
     def truth_tables(self, name: str) -> dict[str, Any]:
-        """What the bench is made of. Raises ConfigError for a truth that the file has not."""
+        """What the bench is made of. Raises ConfigError for a truth that the file has not, or that lacks what any joint has."""
         if name not in self.truth:
             raise ConfigError(f"--truth {name!r}: not in the file{nearest(name, self.truth)}; known: {', '.join(self.truth)}")
-        return self.bench | self.truth[name]
+        told = FRICTIONLESS | self.bench | self.truth[name]
+        for key in NEEDED:
+            if key not in told:
+                raise ConfigError(f"[bench] {key}: missing; add it")
+        if told["gear_ratio"] != self.model.gear_ratio:
+            raise ConfigError(
+                f"[bench] gear_ratio = {told['gear_ratio']} with [model] gear_ratio = {self.model.gear_ratio}; must be the "
+                "same: teeth are counted, not estimated"
+            )
+        return told
 
 
 def load(path: Path | None, overrides: Sequence[str] = ()) -> ServoSpec:
