@@ -4,24 +4,31 @@ from __future__ import annotations
 
 import math
 import tomllib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from importlib import resources
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import msgspec
 
 from planners.drives.ball_screw import Mounting
 from planners.drives.motor import Motor
-from planners.drives.screw_axis import Axis, Candidate, Shares, Wishes
+from planners.drives.screw_axis import Axis
+from planners.drives.screw_balls import Balls
+from planners.drives.screw_candidate import Candidate
 from planners.drives.screw_cycle import Cycle, Move
-from planners.drives.screw_demand import AxisLoad, Transmission
-from planners.drives.screw_limits import ball_limit_m_rpm
-from planners.drives.screw_supports import SUPPORTS, Support
-from planners.errors import PlanError, unknown_name
+from planners.drives.screw_load import AxisLoad
+from planners.drives.screw_supports import SUPPORTS
+from planners.drives.screw_transmission import Transmission
+from planners.drives.screw_wishes import Shares, Wishes
+from planners.errors import PlanError, check_range, unknown_name
+from planners.laws import bounds
 from rig.config import Section, convert, read_text
 from rig.errors import ConfigError
 from rig.motors import MotorSection
 
+T = TypeVar("T")
 EXAMPLES = ("appendix",)  # the worked axis of source 004, appendix C
 
 
@@ -65,13 +72,14 @@ class SharesSection(Section, frozen=True, kw_only=True):
     balls: float = 1.0
     bandwidth: float = 0.5
     service_factor: float = 1.2
+    preload: float = 0.0
 
 
 class WishesSection(Section, frozen=True, kw_only=True):
     """`[wishes]`: what is to be reached; what is left out is told, not judged."""
 
     life_h: float | None = None
-    lead_class: str = "ISO 5"
+    lead_class: str | None = None
     travel_deviation_m: float | None = None
     position_error_m: float | None = None
     angle_error_rad: float | None = None
@@ -86,7 +94,8 @@ class TransmissionSection(Section, frozen=True, kw_only=True):
     efficiency: float = 0.9
     motor_inertia_kg_m2: float = 0.0
     coupling_inertia_kg_m2: float = 0.0
-    drag_torque_n_m: float = 0.0
+    drag_torque_n_m: float | None = None
+    hold: str = "motor"
 
 
 class MoveSection(Section, frozen=True, kw_only=True):
@@ -110,6 +119,10 @@ class EntrySection(Section, frozen=True, kw_only=True):
     origin: str
     dynamic_load_n: float | None = None
     static_load_n: float | None = None
+    preload_n: float | None = None
+    core_diameter_m: float | None = None
+    ball_circle_m: float | None = None
+    limit_m_rpm: float | None = None
     speed_m_s: float | None = None
     stroke_m: float | None = None
     lead_class: str | None = None
@@ -131,7 +144,7 @@ class SizingFile(Section, frozen=True, kw_only=True):
     shares: SharesSection = SharesSection()
     wishes: WishesSection = WishesSection()
     transmission: TransmissionSection = TransmissionSection()
-    motor: dict[str, Any] = {}
+    motor: dict[str, Any] | None = None
     move: list[dict[str, Any]]
     choice: str = ""  # name of a catalogue entry
     catalogue: list[dict[str, Any]] = []  # entries besides the shipped ones
@@ -176,47 +189,70 @@ def sizing_of(tables: dict[str, Any]) -> Sizing:
 
 
 def _axis(file: SizingFile) -> Axis:
-    load, screw = file.axis, file.screw
     return Axis(
-        mounting=Mounting(
+        mounting=_mounting(file.screw),
+        load=_load(file.axis),
+        cycle=Cycle([_move(number, row) for number, row in enumerate(file.move, start=1)]),
+        transmission=_built(Transmission, file.transmission, "[transmission]"),
+        balls=_built(Balls, file.balls, "[balls]"),
+        shares=_built(Shares, file.shares, "[shares]"),
+        wishes=_built(Wishes, file.wishes, "[wishes]"),
+        motor=None if file.motor is None else _built(Motor, convert(file.motor, MotorSection, "motor"), "[motor]"),
+        bearing_n_m=file.screw.bearing_n_m,
+        nut_n_m=file.screw.nut_n_m,
+        carried_kg=file.axis.carried_kg,
+    )
+
+
+def _mounting(screw: ScrewSection) -> Mounting:
+    if screw.support not in SUPPORTS:
+        raise unknown_name("[screw] support", screw.support, SUPPORTS)
+    given = {"whirl": screw.whirl_coefficient, "buckling": screw.buckling_coefficient}
+    for name, value in given.items():
+        if value is not None:
+            check_range(f"[screw] {name}_coefficient", value, 1e-3, 1e4, "leave it out for the beam's own")
+    for name, value in (("bearing_n_m", screw.bearing_n_m), ("nut_n_m", screw.nut_n_m)):
+        if value != math.inf:
+            bounds.datum(f"[screw] {name}", value)
+    with _named("[screw]"):
+        return Mounting(
             length_m=screw.length_m,
-            support=_support(screw),
+            support=SUPPORTS[screw.support]._replace(**{name: value for name, value in given.items() if value is not None}),
             free_length_m=screw.free_length_m,
             density_kg_m3=screw.density_kg_m3,
             youngs_modulus_pa=screw.youngs_modulus_pa,
             shear_modulus_pa=screw.shear_modulus_pa,
-        ),
-        load=AxisLoad(
-            mass_kg=load.mass_kg,
-            slope_rad=math.radians(load.slope_deg),
-            friction_coefficient=load.friction_coefficient,
-            force_n=load.force_n,
-        ),
-        cycle=Cycle([_move(number, row) for number, row in enumerate(file.move, start=1)]),
-        transmission=Transmission(**msgspec.structs.asdict(file.transmission)),
-        ball_limit_m_rpm=ball_limit_m_rpm(file.balls.material, file.balls.limit_m_rpm),
-        shares=Shares(**msgspec.structs.asdict(file.shares)),
-        wishes=Wishes(**msgspec.structs.asdict(file.wishes)),
-        motor=Motor(**msgspec.structs.asdict(convert(file.motor, MotorSection, "motor"))) if file.motor else None,
-        bearing_n_m=screw.bearing_n_m,
-        nut_n_m=screw.nut_n_m,
-        carried_kg=load.carried_kg,
-    )
+        )
 
 
-def _support(screw: ScrewSection) -> Support:
-    if screw.support not in SUPPORTS:
-        raise unknown_name("[screw] support", screw.support, SUPPORTS)
-    given = {"whirl": screw.whirl_coefficient, "buckling": screw.buckling_coefficient}
-    return SUPPORTS[screw.support]._replace(**{name: value for name, value in given.items() if value is not None})
+def _load(axis: AxisSection) -> AxisLoad:
+    check_range("[axis] slope_deg", axis.slope_deg, -90.0, 90.0, "0 is horizontal, positive goes up")
+    bounds.datum("[axis] carried_kg", axis.carried_kg, zero=True)
+    with _named("[axis]"):
+        return AxisLoad(
+            mass_kg=axis.mass_kg,
+            slope_rad=math.radians(axis.slope_deg),
+            friction_coefficient=axis.friction_coefficient,
+            force_n=axis.force_n,
+        )
 
 
 def _move(number: int, row: dict[str, Any]) -> Move:
-    section = convert(row, MoveSection, f"move.{number}")
+    return _built(Move, convert(row, MoveSection, f"move.{number}"), f"[[move]] {number}:")
+
+
+def _built(kind: Callable[..., T], section: Section, where: str) -> T:
+    """What a section's keys make; an error says whose they are."""
+    with _named(where):
+        return kind(**msgspec.structs.asdict(section))
+
+
+@contextmanager
+def _named(where: str) -> Iterator[None]:
     try:
-        return Move(**msgspec.structs.asdict(section))
+        yield
     except PlanError as error:
-        raise PlanError(f"[[move]] {number}: {error}") from None
+        raise PlanError(f"{where} {error}") from None
 
 
 def _catalogue(rows: list[dict[str, Any]]) -> dict[str, Candidate]:
@@ -225,10 +261,7 @@ def _catalogue(rows: list[dict[str, Any]]) -> dict[str, Candidate]:
         section = convert(row, EntrySection, f"catalogue.{number}")
         if section.name in entries:
             raise ConfigError(f"[[catalogue]] name = {section.name!r} twice; must be one of a kind: rename one")
-        try:
-            entries[section.name] = Candidate(**msgspec.structs.asdict(section))
-        except PlanError as error:
-            raise PlanError(f"[[catalogue]] {section.name}: {error}") from None
+        entries[section.name] = _built(Candidate, section, f"[[catalogue]] {section.name.strip() or number}:")
     return entries
 
 

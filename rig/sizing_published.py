@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Sequence
+from dataclasses import replace
 from decimal import Decimal, InvalidOperation
 from typing import NamedTuple
 
 from planners.drives.screw_axis import Axis
-from planners.drives.screw_demand import table
+from planners.drives.screw_candidate import Candidate
 from planners.drives.screw_life import dynamic_load_n, life_h
 from planners.drives.screw_limits import (
     RPM,
@@ -16,12 +18,13 @@ from planners.drives.screw_limits import (
     least_lead_by_balls_m,
     least_lead_by_whirl_m,
 )
+from planners.drives.screw_preload import PRELOAD_SHARES
+from planners.drives.screw_table import Row
 from planners.drives.screw_verdict import Assessment
 from planners.errors import unknown_name
 from rig.errors import ConfigError
 from rig.sizing import PublishedFigure
 
-PRELOAD_SHARES = (0.05, 0.1)  # of the dynamic load (source 004, C.0.1)
 BANDWIDTH_SHARES = (0.5, 0.7)  # of the antiresonance (source 004, C.0.19)
 ROUNDING = 1e-9  # of the last printed digit
 
@@ -45,7 +48,7 @@ class Comparison(NamedTuple):
 def axis_figures(axis: Axis) -> dict[str, float]:
     """What is known before a screw is chosen, by name with its unit."""
     need, shares = axis.demand, axis.shares
-    least = absolute_least_lead(axis.mounting, need.peak_speed_m_s, shares.whirl, axis.balls_m_rpm)
+    least = absolute_least_lead(axis.mounting, need.peak_speed_m_s, shares.whirl, axis.balls_m_rpm())
     figures = {
         **need._asdict(),
         "cycle_s": axis.cycle.duration_s,
@@ -65,8 +68,8 @@ def axis_figures(axis: Axis) -> dict[str, float]:
 
 
 def screw_figures(axis: Axis, found: Assessment) -> dict[str, float]:
-    """What a screw adds to the axis, by name with its unit; cells of the motion-law table as move_N.phase_N.NAME."""
-    screw, need, shares, rated = found.screw, axis.demand, axis.shares, found.candidate.dynamic_load_n
+    """What a screw adds to the axis, by name with its unit."""
+    screw, need, shares, nut = found.screw, axis.demand, axis.shares, found.candidate
     rotary, stiffness = axis.transmission.inertia_kg_m2(screw), axis.stiffness_n_m(screw)
     antiresonance = screw.antiresonance_rad_s(axis.load.mass_kg, stiffness)
     figures = {
@@ -77,7 +80,7 @@ def screw_figures(axis: Axis, found: Assessment) -> dict[str, float]:
         "whirl_rad_s": screw.whirl_rad_s,
         "critical_speed_rpm": shares.whirl * screw.whirl_rad_s * RPM,
         "lead_min_whirl_m": least_lead_by_whirl_m(screw, need.peak_speed_m_s, shares.whirl),
-        "lead_min_balls_m": least_lead_by_balls_m(screw.diameter_m, need.peak_speed_m_s, axis.balls_m_rpm),
+        "lead_min_balls_m": least_lead_by_balls_m(screw.circle_m, need.peak_speed_m_s, axis.balls_m_rpm(nut)),
         "buckling_load_n": screw.buckling_load_n,
         "sag_m": screw.sag_m(axis.load.slope_rad, axis.carried_kg),
         "axial_stiffness_n_m": screw.axial_stiffness_n_m,
@@ -87,9 +90,11 @@ def screw_figures(axis: Axis, found: Assessment) -> dict[str, float]:
         "resonance_rad_s": screw.resonance_rad_s(axis.load.mass_kg, stiffness, rotary),
         "bandwidth_low_rad_s": BANDWIDTH_SHARES[0] * antiresonance,
         "bandwidth_high_rad_s": BANDWIDTH_SHARES[1] * antiresonance,
-        "peak_torque_n_m": found.shaft.peak_torque_n_m,
-        "rms_torque_n_m": found.shaft.rms_torque_n_m,
+        **found.shaft._asdict(),
         "peak_power_w": found.shaft.peak_power_w,
+        "preload_n": axis.preload_n(nut),
+        "drag_torque_n_m": axis.drive(nut).drag_torque_n_m or 0.0,
+        "equivalent_load_n": axis.equivalent_load_n(nut),
         **{
             f"{kind}_speed_rpm": getattr(need, f"{kind}_speed_m_s") / screw.ratio_m_rad * RPM
             for kind in ("peak", "mean", "rms")
@@ -97,21 +102,45 @@ def screw_figures(axis: Axis, found: Assessment) -> dict[str, float]:
     }
     if axis.wishes.life_h is not None:
         figures["dynamic_load_n"] = dynamic_load_n(
-            axis.wishes.life_h, need.equivalent_force_n, need.mean_speed_m_s, screw.lead_m, shares.service_factor
+            axis.wishes.life_h, axis.equivalent_load_n(nut), need.mean_speed_m_s, screw.lead_m, shares.service_factor
         )
-    if rated is not None:
-        hours = life_h(rated, need.equivalent_force_n, need.mean_speed_m_s, screw.lead_m, shares.service_factor)
-        figures |= {"life_h": hours, "preload_low_n": PRELOAD_SHARES[0] * rated, "preload_high_n": PRELOAD_SHARES[1] * rated}
-    for row in table(axis.cycle, axis.load, axis.transmission, screw):
-        cells = list(row._asdict().items())[2:]
-        figures |= {f"move_{row.move}.phase_{row.phase}.{name}": value for name, value in cells}
+    if nut.dynamic_load_n is not None:
+        figures["life_h"] = life_of(axis, nut)
+        for end, share in zip(("low", "high"), PRELOAD_SHARES, strict=True):
+            preload_n = share * nut.dynamic_load_n
+            figures |= {
+                f"preload_{end}_n": preload_n,
+                f"life_at_preload_{end}_h": life_of(axis, replace(nut, preload_n=preload_n)),
+            }
     return figures
 
 
-def compare(published: dict[str, PublishedFigure], figures: dict[str, float]) -> list[Comparison]:
-    """Printed and right figures side by side. Raises PlanError for a name of none, ConfigError for digits that are none."""
+def life_of(axis: Axis, nut: Candidate) -> float:
+    """In hours, with its preload; the nut has a dynamic load."""
+    force, speed = axis.equivalent_load_n(nut), axis.demand.mean_speed_m_s
+    return life_h(nut.dynamic_load_n or 0.0, force, speed, nut.lead_m, axis.shares.service_factor)
+
+
+def cell_figures(rows: Sequence[Row]) -> dict[str, float]:
+    """Cells of the motion-law table as move_N.phase_N.NAME."""
+    return {
+        f"move_{row.move}.phase_{row.phase}.{name}": value for row in rows for name, value in list(row._asdict().items())[2:]
+    }
+
+
+def compare(
+    published: dict[str, PublishedFigure], figures: dict[str, float], of_screw: Collection[str] = ()
+) -> list[Comparison]:
+    """Printed and right figures side by side.
+
+    Raises PlanError for a name of none, ConfigError for digits that are none and for a figure that only a choice would have.
+    """
     rows = []
     for name, figure in published.items():
+        if name not in figures and name in of_screw:
+            raise ConfigError(
+                f'[published] {name} without a choice; must have one, as it is a screw\'s: add choice = "...", or leave it out'
+            )
         if name not in figures:
             raise unknown_name("[published]", name, figures)
         try:

@@ -15,7 +15,7 @@ from scipy.linalg import expm
 from scipy.signal import lsim
 
 from rig.servo.errors import BeyondNyquist, Improper, PolesOutOfReach, ServoError
-from rig.servo.estimator import Estimator, kalman
+from rig.servo.estimator import Estimator, Noise, kalman, sampled_kalman
 from rig.servo.feed_forward import LoadFilter
 from rig.servo.lqg import StateSpaceController, compensator, continuous_facts
 from rig.servo.setpoint import Setpoint
@@ -119,6 +119,21 @@ def test_the_sampled_loop_has_the_poles_of_the_design_at_any_sample_time(period_
     np.testing.assert_allclose(np.sort_complex(found), np.sort_complex(apart), rtol=1e-6)
 
 
+@pytest.mark.parametrize(("counts", "period_s"), [(8192, 1e-3), (2**16, 1e-3), (2**20, 1e-3), (2**23, 1.25e-4), (2**12, 5e-3)])
+def test_with_the_sampled_kalman_filter_an_encoder_of_any_resolution_serves(counts, period_s):
+    estimator = sampled_kalman(LISTED, Noise(encoder_counts_per_rev=counts), period_s)
+    controller = StateSpaceController(LISTED, FEEDBACK, estimator, period_s, feed_forward="rigid")
+    apart = np.concatenate([FEEDBACK.poles_1_s(LISTED), estimator.poles_1_s(LISTED)])
+    found = np.exp(facts(controller, period_s).poles_1_s * period_s)
+    np.testing.assert_allclose(np.poly(found).real, np.poly(np.exp(apart * period_s)).real, atol=1e-7)
+    figures = DATA["experiments"][0]
+    setpoint, top = trapezoid(figures)
+    moved = run(controller, setpoint, figures["time_s"] + 0.5, period_s, fine=1)
+    residual = 100 * np.abs(moved.x[moved.t_s >= figures["time_s"] - 1e-9, 3]).max() / top
+    assert residual == pytest.approx(figures["residual_pct"], rel=0.02 if period_s < 5e-3 else 0.06)
+    assert moved.x[-1, 2] == pytest.approx(figures["distance_rad"], abs=1e-3)
+
+
 @joints
 def test_a_disturbed_joint_decays_with_the_poles_of_the_design(joint):
     period = 1e-3
@@ -149,7 +164,9 @@ def test_margins_are_those_of_the_frequency_response(period_s):
     assert margins.crossover_rad_s == pytest.approx(w[crossings[phases.argmin()]], rel=1e-3)
     real = np.flatnonzero((loop.imag[:-1] * loop.imag[1:] < 0.0) & (loop.real[:-1] < 0.0))
     gains = -1.0 / loop.real[real]
-    assert margins.gain == pytest.approx(gains[np.abs(np.log(gains)).argmin()], rel=2e-3)
+    assert margins.gain == pytest.approx(gains[gains > 1.0].min(), rel=2e-3)
+    assert margins.least_gain == pytest.approx(gains[gains < 1.0].max(), rel=2e-3)
+    assert margins.sensitivity == pytest.approx(np.max(1.0 / np.abs(1.0 + loop)), rel=1e-4)
 
 
 @joints
@@ -282,6 +299,7 @@ def test_a_feedback_without_integral_still_steps():
         ({"torque_limit_n_m": math.nan}, ServoError, "torque_limit_n_m = nan"),
         ({"feed_forward": "dynamics"}, ServoError, "did you mean 'dynamic'"),
         ({"feed_forward": "dynamic", "load_filter": LoadFilter.binomial(2)}, Improper, "must be >= 3"),
+        ({"estimator": sampled_kalman(LISTED, Noise(), 2e-3)}, ServoError, "estimator of 0.002 s; must be the same"),
         ({"estimator": Estimator((0.0, 0.0, 0.0, 0.0))}, PolesOutOfReach, "real part <"),
         ({"feedback": Feedback((1.0, 1.0, 0.0, 0.0), 1.0)}, PolesOutOfReach, "real part <"),
     ],

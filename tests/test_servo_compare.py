@@ -17,7 +17,7 @@ from planners.drives.motor import Drivetrain, effort
 from planners.errors import PlanError
 from rig.errors import ConfigError
 from rig.servo.errors import PolesOutOfReach, ServoError
-from rig.servo.estimator import kalman
+from rig.servo.estimator import Noise, sampled_kalman
 from rig.servo.loops import swinging
 from rig.servo.setpoint import Setpoint
 from rig.servo.state_feedback import lq
@@ -131,9 +131,9 @@ def test_designs_are_judged_by_their_loops():
         assert joint_s_own[0] == pytest.approx((107.15, 0.038), rel=0.01)  # the load swings while the motor stands
         assert facts.margins.phase_deg > 30.0
         assert facts.condition > 1.0
-    apart = np.concatenate(
-        [lq(SPEC.joint, SPEC.lqg.state_weights).poles_1_s(SPEC.joint), kalman(SPEC.joint).poles_1_s(SPEC.joint)]
-    )
+    joint, noise = SPEC.joint, Noise()
+    feedback, estimator = lq(joint, SPEC.lqg.state_weights), sampled_kalman(joint, noise, SPEC.drive.period_s)
+    apart = np.concatenate([feedback.poles_1_s(joint), estimator.poles_1_s(joint)])
     assert np.sort_complex(found["lqg"].poles_1_s) == pytest.approx(np.sort_complex(apart), rel=1e-6)
 
 
@@ -282,6 +282,16 @@ def test_a_bench_is_not_completed_from_another_rig(tmp_path, key):
     (tmp_path / "own.toml").write_text(head + "\n[bench]" + bench.replace(f"\n{key} =", f"\n# {key} =", 1))
     with pytest.raises(ConfigError, match=rf"\[bench\] {key}: missing; add it"):
         compare(load(tmp_path / "own.toml"), ["listed"], ["pid"])
+
+
+@pytest.mark.parametrize("truth", TRUTHS)
+def test_the_page_on_drives_tells_what_comes_out(rows, truth):
+    page = (Path(__file__).parents[1] / "docs" / "drives.md").read_text()
+    (line,) = (line for line in page.splitlines() if line.startswith(f"| `{truth}`"))
+    pid, lqg, _, ahead = ([float(word) for word in cell.split(",")] for cell in line.split("|")[2:6])
+    for name, told in (("pid", pid), ("lqg", lqg), ("pid_ff", ahead)):
+        found = [100.0 * rows[truth, move, name].outcome.residual for move in (1, 2, 3)]
+        assert told == pytest.approx(found, abs=0.006)
 
 
 def test_the_command_shows_a_table_and_says_who_leaves_less(rig):

@@ -14,9 +14,10 @@ from hypothesis import strategies as st
 from scipy.linalg import expm, solve_continuous_are, solve_continuous_lyapunov
 from scipy.signal import place_poles
 
+from rig.servo import riccati
 from rig.servo.errors import BeyondNyquist, NotObservable, NotReachable, PolesOutOfReach, ServoError
 from rig.servo.reachability import check_observable, check_reachable, reach
-from rig.servo.state_feedback import Feedback, assign, augmented, lq
+from rig.servo.state_feedback import Feedback, assign, augmented, augmented_units, lq, sampled_joint
 from rig.servo.two_mass import TwoMass
 
 DATA = tomllib.loads((Path(__file__).parent / "data" / "servo_state_space.toml").read_text())
@@ -112,10 +113,42 @@ def test_lq_keeps_the_loop_a_unit_away_from_minus_one(weights):
 def test_lq_has_sixty_degrees_and_takes_half_its_gain(joint):
     margins = lq(joint, WEIGHTS).facts(joint).margins
     assert margins.phase_deg >= 60.0
-    assert margins.gain < 0.5  # where less gain would let it go; more never does
+    assert margins.least_gain < 0.5
+    assert margins.gain == math.inf
+    assert margins.sensitivity == pytest.approx(1.0, abs=1e-6)
     for share in (0.5, 1.0, 100.0):
         f, g = augmented(joint)
         assert np.max(np.linalg.eigvals(f + share * np.outer(g, lq(joint, WEIGHTS).row)).real) < 0.0
+
+
+@pytest.mark.parametrize("unit", [1e-5, 1e-2, 1e5])
+def test_lq_gains_go_with_the_unit_of_torque(unit):
+    keys = {key: value * (1.0 if key == "gear_ratio" else unit) for key, value in DATA["joints"]["listed"].items()}
+    scaled = lq(TwoMass(**keys), WEIGHTS, 1.0 / unit**2)
+    np.testing.assert_allclose(scaled.row, lq(LISTED, WEIGHTS).row * unit, rtol=1e-9)
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    st.floats(-5.0, 1.0),
+    st.floats(-2.0, 2.0),
+    st.floats(0.5, 3.5),
+    st.just(0.0) | st.floats(1e-4, 0.3),
+    st.lists(st.just(0.0) | st.floats(-8.0, 8.0).map(lambda x: 10.0**x), min_size=4, max_size=4),
+    st.floats(-8.0, 8.0),
+    st.floats(-6.0, 6.0),
+)
+def test_any_joint_and_weights_have_gains_that_settle_or_a_word_why_not(
+    inertia, ratio, antiresonance, damping, weights, integral, torque
+):
+    joint = TwoMass.normalised(10.0**antiresonance, 10.0**ratio, damping, 10.0**inertia)
+    try:
+        feedback = lq(joint, [*weights, 10.0**integral], 10.0**torque)
+    except ServoError as refusal:
+        if "weights = [" not in str(refusal):
+            raise
+    else:
+        assert np.max(np.linalg.eigvals(augmented_units(joint).matrix(closed(joint, feedback))).real) < 0.0
 
 
 def test_facts_tell_poles_zeros_and_how_alike_the_eigenvectors_are():
@@ -220,6 +253,30 @@ def test_a_joint_faster_than_the_sampling_is_refused():
 def test_weights_that_bring_nothing_home_are_refused(weights):
     with pytest.raises(ServoError, match="weights"):
         lq(LISTED, weights)
+
+
+@pytest.mark.parametrize(
+    ("weights", "match"),
+    [
+        ([0.0, 0.0, 0.0, 0.0, 1e-300], r"1e-300\], torque_weight = 1.* rounding decides.*bring the weights closer together"),
+        ([1e308] * 5, "no gains within floating point: bring the weights closer together"),
+    ],
+)
+def test_weights_too_far_apart_for_floating_point_are_refused(weights, match):
+    with pytest.raises(ServoError, match=match):
+        lq(LISTED, weights)
+
+
+def test_gains_that_leave_a_pole_at_the_right_are_refused_however_alike_two_ways_find_them(monkeypatch):
+    monkeypatch.setattr(riccati, "AGREEMENT", 1e300)
+    with pytest.raises(ServoError, match=r"real part >= 0 \(here \d"):
+        lq(LISTED, [0.0, 0.0, 0.0, 0.0, 1e-300])
+
+
+def test_a_damper_that_no_floating_point_samples_is_refused():
+    stiff = TwoMass(motor_inertia_kg_m2=1e-12, load_inertia_kg_m2=7e-12, stiffness_n_m_rad=1.0, elastic_damping_n_m_s_rad=9e11)
+    with pytest.raises(ServoError, match=r"period_s = 9\.7 .* a pole at -1\.03e\+24 .* lower its damping"):
+        sampled_joint(stiff, 9.7)
 
 
 @pytest.mark.parametrize("weight", [0.0, -1.0, math.nan])

@@ -1,7 +1,7 @@
 """A ball screw as a shaft: mass, inertia, whirling, buckling, sag and stiffness (source 004, appendix C.0.2).
 
-One diameter d stands for the nominal one, the core's and the circle of the balls' centres, as in the source. A core is some
-tenth thinner: give its diameter to stay on the safe side.
+One diameter d stands for the nominal one, the core's and the circle of the balls' centres, as in the source, unless those are
+given. The core bends, buckles and gives way, as in makers' rules (general knowledge); mass and inertia are the nominal shaft's.
 """
 
 from __future__ import annotations
@@ -33,7 +33,8 @@ class Mounting:
     def __post_init__(self) -> None:
         check_range("length_m", self.length_m, SMALLEST_M, LONGEST_M, "measure the screw between its supports")
         if self.free_length_m is not None:
-            check_range("free_length_m", self.free_length_m, SMALLEST_M, LONGEST_M, "give the part under compression")
+            advice = "give the part under compression, no longer than the screw"
+            check_range("free_length_m", self.free_length_m, SMALLEST_M, self.length_m, advice)
         check_range("density_kg_m3", self.density_kg_m3, 100.0, 3e4, "steel has 7800")
         for name in ("youngs_modulus_pa", "shear_modulus_pa"):
             check_range(name, getattr(self, name), 1e8, 1e13, "steel has 200e9 and 79.3e9")
@@ -41,22 +42,40 @@ class Mounting:
             check_range(f"support {name}", value, 1e-3, 1e4, "take one of the named supports")
 
 
-def check_sizes(diameter_m: float, lead_m: float) -> None:
-    """Raises PlanError for a diameter or a lead that is not 0.1 mm to 10 m."""
-    for name, value in (("diameter_m", diameter_m), ("lead_m", lead_m)):
-        check_range(name, value, SMALLEST_M, THICKEST_M, "read it off the screw's name, in metres")
+@dataclass(frozen=True, kw_only=True)
+class Thread:
+    """Sizes of a screw. Raises PlanError for one that is not 0.1 mm to 10 m, and for a core thicker than the screw."""
+
+    diameter_m: float  # nominal
+    lead_m: float  # travel of one turn
+    core_diameter_m: float | None = None  # the nominal one unless given
+    ball_circle_m: float | None = None  # likewise; of the balls' centres
+
+    def __post_init__(self) -> None:
+        for name in ("diameter_m", "lead_m"):
+            check_range(name, getattr(self, name), SMALLEST_M, THICKEST_M, "read it off the screw's name, in metres")
+        if self.core_diameter_m is not None:
+            advice = "it is some tenth thinner than the screw"
+            check_range("core_diameter_m", self.core_diameter_m, SMALLEST_M, self.diameter_m, advice)
+        if self.ball_circle_m is not None:
+            check_range("ball_circle_m", self.ball_circle_m, SMALLEST_M, THICKEST_M, "it is a little wider than the screw")
+
+    @property
+    def core_m(self) -> float:
+        """Diameter of the shaft that bends."""
+        return self.diameter_m if self.core_diameter_m is None else self.core_diameter_m
+
+    @property
+    def circle_m(self) -> float:
+        """Diameter d of the balls' d n."""
+        return self.diameter_m if self.ball_circle_m is None else self.ball_circle_m
 
 
 @dataclass(frozen=True, kw_only=True)
-class BallScrew:
-    """A solid shaft of steel with a thread. Raises PlanError for a diameter or a lead that is not 0.1 mm to 10 m."""
+class BallScrew(Thread):
+    """A solid shaft of steel with a thread."""
 
-    diameter_m: float
-    lead_m: float  # travel of one turn
     mounting: Mounting
-
-    def __post_init__(self) -> None:
-        check_sizes(self.diameter_m, self.lead_m)
 
     @property
     def ratio_m_rad(self) -> float:
@@ -66,7 +85,7 @@ class BallScrew:
     @property
     def mass_kg(self) -> float:
         """M_v = rho pi d^2 L / 4."""
-        return self.mounting.density_kg_m3 * self._area_m2 * self.mounting.length_m
+        return _area_m2(self.diameter_m) * self.mounting.density_kg_m3 * self.mounting.length_m
 
     @property
     def inertia_kg_m2(self) -> float:
@@ -76,13 +95,13 @@ class BallScrew:
     @property
     def bending_stiffness_n_m2(self) -> float:
         """E I, I = pi d^4 / 64."""
-        return self.mounting.youngs_modulus_pa * math.pi * self.diameter_m**4 / 64.0
+        return self.mounting.youngs_modulus_pa * math.pi * self.core_m**4 / 64.0
 
     @property
     def whirl_rad_s(self) -> float:
-        """First bending frequency K_v sqrt(E I / (M_v L^3)) with the nut at one end (C.0.6); proportional to d."""
+        """First bending frequency K_v sqrt(E I / (M L^3)) of the core, the nut at one end (C.0.6); proportional to d."""
         mounting = self.mounting
-        return mounting.support.whirl * math.sqrt(self.bending_stiffness_n_m2 / (self.mass_kg * mounting.length_m**3))
+        return mounting.support.whirl * math.sqrt(self.bending_stiffness_n_m2 / (self._core_mass_kg * mounting.length_m**3))
 
     @property
     def buckling_load_n(self) -> float:
@@ -93,24 +112,24 @@ class BallScrew:
     @property
     def torsional_stiffness_n_m_rad(self) -> float:
         """G pi d^4 / (32 L), the nut at the end away from the motor."""
-        return self.mounting.shear_modulus_pa * math.pi * self.diameter_m**4 / (32.0 * self.mounting.length_m)
+        return self.mounting.shear_modulus_pa * math.pi * self.core_m**4 / (32.0 * self.mounting.length_m)
 
     @property
     def axial_stiffness_n_m(self) -> float:
         """E A / L_eq at the nut's worst place: L_eq = L, or L / 4 fixed-fixed."""
         mounting = self.mounting
-        return mounting.youngs_modulus_pa * self._area_m2 * mounting.support.axial_paths / mounting.length_m
+        return mounting.youngs_modulus_pa * _area_m2(self.core_m) * mounting.support.axial_paths / mounting.length_m
 
     def sag_m(self, slope_rad: float = 0.0, carried_kg: float = 0.0) -> float:
-        """Deflection of a screw at that slope under its weight, and that of a load which no guide carries (C.0.16)."""
+        """Deflection of the core at that slope under its weight, and that of a load which no guide carries (C.0.16)."""
         support, reach = self.mounting.support, self.mounting.length_m**3 / self.bending_stiffness_n_m2
         across = GRAVITY_M_S2 * math.cos(slope_rad)
-        return across * reach * (self.mass_kg / support.own_sag + carried_kg / support.load_sag)
+        return across * reach * (self._core_mass_kg / support.own_sag + carried_kg / support.load_sag)
 
-    def stiffness_n_m(self, bearing_n_m: float = math.inf, nut_n_m: float = math.inf) -> float:
-        """k_eq at the nut, with the motor held: bearing, nut, shaft in tension and in torsion in series (C.0.17)."""
+    def stiffness_n_m(self, held_n_m: float = math.inf) -> float:
+        """k_eq at the nut, the motor held: bearing and nut (held_n_m), shaft in tension and in torsion in series (C.0.17)."""
         twist = self.ratio_m_rad**2 / self.torsional_stiffness_n_m_rad
-        return 1.0 / (1.0 / bearing_n_m + 1.0 / nut_n_m + 1.0 / self.axial_stiffness_n_m + twist)
+        return 1.0 / (1.0 / held_n_m + 1.0 / self.axial_stiffness_n_m + twist)
 
     def antiresonance_rad_s(self, mass_kg: float, stiffness_n_m: float) -> float:
         """omega_z = sqrt(k_eq / (M + M_v / 3)): the load swings, the motor stands still (C.0.18).
@@ -130,5 +149,9 @@ class BallScrew:
         return mass_kg + rotary_inertia_kg_m2 / self.ratio_m_rad**2
 
     @property
-    def _area_m2(self) -> float:
-        return math.pi * self.diameter_m**2 / 4.0
+    def _core_mass_kg(self) -> float:
+        return _area_m2(self.core_m) * self.mounting.density_kg_m3 * self.mounting.length_m
+
+
+def _area_m2(diameter_m: float) -> float:
+    return math.pi * diameter_m**2 / 4.0

@@ -1,43 +1,25 @@
-"""What an axis is to do, again and again: moves with their rests, and what of them a sizing sums up."""
+"""What an axis is to do, again and again: moves with their rests."""
 
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
-from typing import NamedTuple
+from functools import cached_property
 
 import numpy as np
 
-from planners.cells import resolve
+from planners.drives.screw_instants import Instants, Phase, moving, resting
 from planners.errors import PlanError, check_range, unknown_name
 from planners.laws import LAWS, bounds
 from planners.laws.segments import integrated
-from planners.pieces import FloatArray
 from planners.trajectory import Trajectory
 
 TRAPEZOIDAL = "trapezoidal"
 CLOSED = 1e-9  # share of the longest stroke by which a cycle may miss its start
+LISTED = 8  # strokes that an error lists
 PRINTED = 2e-3  # share of a stroke by which durations rounded for a table may miss it
-NODES = 128  # of each piece's quadrature: exact for constant acceleration, 1e-7 for the smooth laws
-
-
-class Instants(NamedTuple):
-    """A cycle as a quadrature; extremes of speed and acceleration are among the instants, with no weight: (N,) each."""
-
-    weight_s: FloatArray  # sums to the cycle's duration
-    direction: FloatArray  # of the move: 1, -1, and 0 in a rest
-    speed_m_s: FloatArray
-    acceleration_m_s2: FloatArray
-
-
-class Stretch(NamedTuple):
-    """One row of a motion-law table: a piece of a move's law, or the rest after it."""
-
-    move: int  # from 1
-    phase: int  # from 1; 0 is the rest
-    instants: Instants
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,7 +41,7 @@ class Move:
 
     def __post_init__(self) -> None:
         bounds.distance(self.stroke_m, "stroke_m")
-        bounds.duration(self.time_s)
+        check_range("time_s", self.time_s, bounds.SHORTEST_S, bounds.LONGEST_S, "give the move a time in seconds")
         check_range("rest_s", self.rest_s, 0.0, bounds.LONGEST_S, "0 is a move that the next one follows at once")
         if self.stroke_m == 0.0:
             raise PlanError("stroke_m = 0; must not be 0: leave the move out, and let the one before it rest for longer")
@@ -71,6 +53,7 @@ class Move:
         self._check_shares()
         if self.durations_s is not None:
             self._check_durations(self.durations_s)
+            object.__setattr__(self, "durations_s", tuple(self.durations_s))  # a move can be looked up
 
     @property
     def shares(self) -> tuple[float, float]:
@@ -97,6 +80,13 @@ class Move:
         up_s, even_s, down_s = self._phases_s
         speed = self._trapezoid_speed_m_s
         return integrated((0.0, 0.0), ((up_s, speed / up_s), (even_s, 0.0), (down_s, -speed / down_s)))
+
+    @cached_property
+    def phases(self) -> tuple[Phase, ...]:
+        """The rows of its motion-law table, in the order of time; a rest of 0 s has none."""
+        direction = math.copysign(1.0, self.stroke_m)
+        rows = [moving(number, piece, direction) for number, piece in enumerate(self.trajectory.pieces, start=1)]
+        return (*rows, resting(self.rest_s)) if self.rest_s > 0.0 else tuple(rows)
 
     @property
     def _phases_s(self) -> tuple[float, float, float]:
@@ -143,10 +133,18 @@ class Cycle:
             raise PlanError("a cycle of 0 moves; must be >= 2, there and back: add them")
         strokes = [move.stroke_m for move in self.moves]
         if abs(sum(strokes)) > CLOSED * max(map(abs, strokes)):
+            told = ", ".join(f"{stroke:g}" for stroke in strokes[:LISTED]) + (", ..." if len(strokes) > LISTED else "")
             raise PlanError(
-                f"strokes {', '.join(f'{s:g}' for s in strokes)} m sum to {sum(strokes):g} m; must be 0, back where the cycle "
+                f"strokes {told} m sum to {sum(strokes):g} m; must be 0, back where the cycle "
                 f"began: add a move of {-sum(strokes):g} m"
             )
+        first: dict[Move, Move] = {}
+        object.__setattr__(self, "moves", tuple(first.setdefault(move, move) for move in self.moves))  # equal ones are one
+
+    @cached_property
+    def counts(self) -> Counter[Move]:
+        """How often each different move occurs, in the order of the first ones."""
+        return Counter(self.moves)
 
     @property
     def duration_s(self) -> float:
@@ -162,34 +160,14 @@ class Cycle:
     @property
     def peak_speed_m_s(self) -> float:
         """Over all moves."""
-        return max(move.peak_speed_m_s for move in self.moves)
-
-    @cached_property
-    def stretches(self) -> tuple[Stretch, ...]:
-        """The rows of the motion-law table, in the order of time; a rest of 0 s has none."""
-        rows = []
-        for number, move in enumerate(self.moves, start=1):
-            direction = math.copysign(1.0, move.stroke_m)
-            for phase, piece in enumerate(move.trajectory.pieces, start=1):
-                x, w = _quadrature()
-                edges = np.concatenate([resolve(piece, order).candidates_s() for order in (1, 2)])
-                t = np.concatenate([piece.duration_s * (1.0 + x) / 2.0, edges])
-                weight = np.concatenate([piece.duration_s * w / 2.0, np.zeros_like(edges)])
-                rows.append(
-                    Stretch(number, phase, Instants(weight, np.full_like(t, direction), piece.at(t, 1), piece.at(t, 2)))
-                )
-            if move.rest_s > 0.0:
-                still = np.zeros(1)
-                rows.append(Stretch(number, 0, Instants(np.full(1, move.rest_s), still, still, still)))
-        return tuple(rows)
+        return max(move.peak_speed_m_s for move in self.counts)
 
     @cached_property
     def instants(self) -> Instants:
-        """All of them, in the order of the stretches."""
-        return Instants(*(np.concatenate(parts) for parts in zip(*(row.instants for row in self.stretches), strict=True)))
-
-
-@lru_cache(maxsize=1)
-def _quadrature() -> tuple[FloatArray, FloatArray]:
-    x, w = np.polynomial.legendre.leggauss(NODES)
-    return x, w
+        """Of all different moves; the weight counts how often they occur."""
+        rows = [
+            row.instants._replace(weight_s=row.instants.weight_s * times)
+            for move, times in self.counts.items()
+            for row in move.phases
+        ]
+        return Instants(*(np.concatenate(parts) for parts in zip(*rows, strict=True)))

@@ -6,9 +6,7 @@ import math
 from typing import NamedTuple
 
 from planners.drives.ball_screw import BallScrew, Mounting
-from planners.errors import check_range, unknown_name
 
-BALLS_M_RPM = {"steel": (70.0, 120.0), "ceramic": (190.0, 220.0)}  # d x n that a maker may allow (source 004, C.0.8)
 RPM = 60.0 / (2.0 * math.pi)  # of 1 rad/s
 
 
@@ -17,17 +15,6 @@ class DesignPoint(NamedTuple):
 
     diameter_m: float
     lead_m: float
-
-
-def ball_limit_m_rpm(material: str, limit_m_rpm: float | None = None) -> float:
-    """d x n of the material's balls; the careful end of its range unless given. Raises PlanError outside the range."""
-    if material not in BALLS_M_RPM:
-        raise unknown_name("material of the balls", material, BALLS_M_RPM)
-    low, high = BALLS_M_RPM[material]
-    if limit_m_rpm is None:
-        return low
-    check_range(f"limit_m_rpm of {material} balls", limit_m_rpm, low, high, "read the maker's d x n, in m x rev/min")
-    return limit_m_rpm
 
 
 def least_lead_by_whirl_m(screw: BallScrew, speed_m_s: float, share: float) -> float:
@@ -57,8 +44,7 @@ def least_diameter_by_sag_m(mounting: Mounting, sag_m: float, slope_rad: float =
     """C.0.16 solved for d: the own weight sags as 1 / d^2, a carried load as 1 / d^4."""
     unit = BallScrew(diameter_m=1.0, lead_m=1.0, mounting=mounting)
     own, whole = unit.sag_m(slope_rad), unit.sag_m(slope_rad, carried_kg)
-    square = (own + math.sqrt(own**2 + 4.0 * sag_m * (whole - own))) / (2.0 * sag_m)  # own / x + load / x^2 = sag
-    return math.sqrt(square)
+    return _diameter_m(own, whole - own, sag_m)
 
 
 def greatest_lead_by_accuracy_m(position_error_m: float, angle_error_rad: float) -> float:
@@ -66,14 +52,29 @@ def greatest_lead_by_accuracy_m(position_error_m: float, angle_error_rad: float)
     return 2.0 * math.pi * position_error_m / angle_error_rad
 
 
-def greatest_lead_by_stiffness_m(
-    screw: BallScrew, stiffness_n_m: float, bearing_n_m: float = math.inf, nut_n_m: float = math.inf
-) -> float:
-    """The lead at which torsion uses up what the rest of the chain leaves (C.0.17 solved for p); 0 where it leaves nothing."""
-    left = 1.0 / stiffness_n_m - 1.0 / bearing_n_m - 1.0 / nut_n_m - 1.0 / screw.axial_stiffness_n_m
+def greatest_lead_by_stiffness_m(screw: BallScrew, stiffness_n_m: float, held_n_m: float = math.inf) -> float:
+    """The lead at which torsion uses up what the rest of the chain leaves (C.0.17 solved for p); 0 where it leaves nothing.
+
+    held_n_m is that of bearing and nut in series.
+    """
+    left = 1.0 / stiffness_n_m - 1.0 / held_n_m - 1.0 / screw.axial_stiffness_n_m
     return 2.0 * math.pi * math.sqrt(max(0.0, left) * screw.torsional_stiffness_n_m_rad)
+
+
+def least_diameter_by_stiffness_m(screw: BallScrew, stiffness_n_m: float, held_n_m: float) -> float:
+    """C.0.17 solved for d at the screw's lead: a shaft gives way as 1 / d^2, its twist as 1 / d^4. inf where what holds it does
+    not leave the stiffness."""
+    unit = BallScrew(diameter_m=1.0, lead_m=screw.lead_m, mounting=screw.mounting)
+    left = 1.0 / stiffness_n_m - 1.0 / held_n_m
+    twist = unit.ratio_m_rad**2 / unit.torsional_stiffness_n_m_rad
+    return _diameter_m(1.0 / unit.axial_stiffness_n_m, twist, left) if left > 0.0 else math.inf
 
 
 def stiffness_for_bandwidth_n_m(screw: BallScrew, mass_kg: float, bandwidth_rad_s: float, share: float) -> float:
     """k_eq that puts share omega_z at the bandwidth (C.0.18, C.0.19)."""
     return (mass_kg + screw.mass_kg / 3.0) * (bandwidth_rad_s / share) ** 2
+
+
+def _diameter_m(second: float, fourth: float, whole: float) -> float:
+    """The d of second / d^2 + fourth / d^4 = whole."""
+    return math.sqrt((second + math.sqrt(second**2 + 4.0 * whole * fourth)) / (2.0 * whole))

@@ -9,6 +9,7 @@ import numpy as np
 
 from planners.drives.ball_screw import BallScrew
 from planners.drives.screw_axis import Axis
+from planners.drives.screw_candidate import Candidate
 from planners.drives.screw_life import least_lead_by_life_m
 from planners.drives.screw_limits import (
     greatest_lead_by_accuracy_m,
@@ -40,31 +41,34 @@ class Region(NamedTuple):
     high_m: FloatArray  # (N,), inf without a greatest lead
 
 
-def region(axis: Axis, diameter_m: FloatArray, rated_load_n: float | None = None) -> Region:
-    """Lines over diameters > 0, (N,). That of life needs a nut's dynamic load; those of wishes are drawn where they are asked.
+def region(axis: Axis, diameter_m: FloatArray, nut: Candidate | None = None) -> Region:
+    """Lines over diameters > 0, (N,), of the core and of the balls' circle, too.
+
+    Balls and life are those of the nut where one is given, and life needs its dynamic load; wishes have lines where asked.
 
     Limits of the motor and of a unit are no part of it.
     """
     shafts = [BallScrew(diameter_m=d, lead_m=1.0, mounting=axis.mounting) for d in diameter_m.tolist()]
-    lines = (*_speed(axis, shafts), *_strength(axis, diameter_m, rated_load_n), *_work(axis, shafts, diameter_m))
+    lines = (*_speed(axis, shafts, nut), *_strength(axis, diameter_m, nut), *_work(axis, shafts, diameter_m))
     low = np.max([line.lead_m for line in lines if not line.greatest], axis=0)
     high = np.min([np.full_like(diameter_m, math.inf), *(line.lead_m for line in lines if line.greatest)], axis=0)
     return Region(diameter_m, lines, low, high)
 
 
-def _speed(axis: Axis, shafts: list[BallScrew]) -> list[Line]:
-    speed = axis.demand.peak_speed_m_s
+def _speed(axis: Axis, shafts: list[BallScrew], nut: Candidate | None) -> list[Line]:
+    speed, balls = axis.demand.peak_speed_m_s, axis.balls_m_rpm(nut)
     return [
         Line("whirling", np.array([least_lead_by_whirl_m(shaft, speed, axis.shares.whirl) for shaft in shafts])),
-        Line("balls", np.array([least_lead_by_balls_m(shaft.diameter_m, speed, axis.balls_m_rpm) for shaft in shafts])),
+        Line("balls", np.array([least_lead_by_balls_m(shaft.diameter_m, speed, balls) for shaft in shafts])),
     ]
 
 
-def _strength(axis: Axis, diameter_m: FloatArray, rated_load_n: float | None) -> list[Line]:
+def _strength(axis: Axis, diameter_m: FloatArray, nut: Candidate | None) -> list[Line]:
     need, shares, hours = axis.demand, axis.shares, axis.wishes.life_h
     lines = [_upright("buckling", diameter_m, least_diameter_by_buckling_m(axis.mounting, need.peak_force_n, shares.buckling))]
-    if hours is not None and rated_load_n is not None:
-        least = least_lead_by_life_m(hours, rated_load_n, need.equivalent_force_n, need.mean_speed_m_s, shares.service_factor)
+    if hours is not None and nut is not None and nut.dynamic_load_n is not None:
+        force = axis.equivalent_load_n(nut)
+        least = least_lead_by_life_m(hours, nut.dynamic_load_n, force, need.mean_speed_m_s, shares.service_factor)
         lines.append(Line("life", np.full_like(diameter_m, least)))
     return lines
 
@@ -86,10 +90,7 @@ def _work(axis: Axis, shafts: list[BallScrew], diameter_m: FloatArray) -> list[L
             stiffness_for_bandwidth_n_m(shaft, mass, wishes.bandwidth_rad_s, axis.shares.bandwidth) for shaft in shafts
         ]
     for name, needed in stiff.items():
-        leads = [
-            greatest_lead_by_stiffness_m(shaft, k, axis.bearing_n_m, axis.nut_n_m)
-            for shaft, k in zip(shafts, needed, strict=True)
-        ]
+        leads = [greatest_lead_by_stiffness_m(shaft, k, axis.held_n_m) for shaft, k in zip(shafts, needed, strict=True)]
         lines.append(Line(name, np.array(leads), greatest=True))
     return lines
 

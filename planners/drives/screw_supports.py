@@ -15,6 +15,11 @@ class Support(NamedTuple):
     load_sag: float  # the same of a load P at its worst place, P L^3 / (load_sag E I)
     axial_paths: float  # L / L_eq: 4 where both ends take the axial force, as the worst place is half-way
 
+    @property
+    def stiffest(self) -> bool:
+        """Whether no other one is stiffer."""
+        return self.load_sag >= SUPPORTS["fixed-fixed"].load_sag
+
 
 SUPPORTS = {  # first end-second end; the roots x are of the beam's characteristic equation
     "fixed-free": Support(1.8751040687119611**2, 0.25, 8.0, 3.0, 1.0),  # cos x cosh x = -1

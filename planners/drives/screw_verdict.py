@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 from planners.drives.ball_screw import BallScrew
 from planners.drives.motor import TOLERANCE
-from planners.drives.screw_axis import Candidate
+from planners.drives.screw_candidate import Candidate
 from planners.drives.screw_demand import ShaftDemand
 
 KEPT, BROKEN, UNDECIDED, NOT_ASKED = "kept", "broken", "not decidable", "not asked"
 
 
 class Check(NamedTuple):
-    """One limit. value <= bound, or >= with at_least; a bound of None is not asked, unless `missing` says what lacks."""
+    """One limit. value <= bound, or >= with at_least; a bound of None is not asked, unless `missing` says what lacks.
+
+    Values and bounds are above 0; a value may be 0 where it has an upper bound.
+    """
 
     name: str
     value: float | None
@@ -23,6 +25,8 @@ class Check(NamedTuple):
     remedy: str = ""  # the next step where it is broken
     at_least: bool = False
     missing: str = ""
+    note: str = ""  # what is told beside it, whatever the state
+    classes: bool = False  # values are of a few classes, of which the one that is asked has nothing left
 
     @property
     def margin(self) -> float | None:
@@ -30,7 +34,7 @@ class Check(NamedTuple):
         if self.value is None or self.bound is None:
             return None
         need, room = (self.bound, self.value) if self.at_least else (self.value, self.bound)
-        return 1.0 - need / room if room > 0.0 else -math.inf
+        return 1.0 - need / room
 
     @property
     def state(self) -> str:
@@ -76,6 +80,17 @@ class Assessment(NamedTuple):
         return [check for check in self.checks if check.state == UNDECIDED]
 
     @property
+    def notes(self) -> list[str]:
+        """What is told and not judged."""
+        return [check.note for check in self.checks if check.note]
+
+    @property
     def tightest(self) -> Check:
-        """The decided check with the least margin."""
-        return min((c for c in self.checks if c.margin is not None), key=lambda c: c.margin or 0.0)
+        """The decided check with the least margin; a class that does is no tight one."""
+        decided = [c for c in self.checks if c.state in (KEPT, BROKEN) and not (c.classes and c.state == KEPT)]
+        return min(decided, key=lambda c: c.margin or 0.0)
+
+    @property
+    def rank(self) -> tuple[bool, float]:
+        """Sorts what fits before what does not, and of each the best margin first."""
+        return not self.admissible, -(self.tightest.margin or 0.0)

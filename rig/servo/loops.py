@@ -11,6 +11,7 @@ from planners.pieces import ComplexArray, FloatArray
 from rig.servo.errors import ServoError
 
 DELAY = 1e-9  # of a discrete pole that counts as 0
+LEAST = 1e-9  # a gain margin below is the rounding of 0
 REAL = 1e-9  # imaginary part of a real pole, as a share of its size
 
 
@@ -104,7 +105,7 @@ def margins(opened: Any) -> Margins:
         crossover = 2.0 / period_s * math.atan(crossover * period_s / 2.0)
     return Margins(
         gain=float(min(gains[gains > 1.0], default=math.inf)),
-        least_gain=float(max(gains[gains < 1.0], default=0.0)),
+        least_gain=float(max(gains[(gains < 1.0) & (gains > LEAST)], default=0.0)),
         phase_deg=math.inf if nearest is None else float(phases[nearest]),
         crossover_rad_s=crossover,
         sensitivity=1.0 / float(min(*distances, abs(1.0 + end), math.inf)),

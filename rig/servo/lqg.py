@@ -10,7 +10,7 @@ import numpy as np
 
 from planners.pieces import FloatArray
 from rig.servo.errors import check_range
-from rig.servo.estimator import ENCODER, Estimator
+from rig.servo.estimator import ENCODER, Estimator, SampledEstimator
 from rig.servo.feed_forward import Lead, LoadFilter, lead
 from rig.servo.loops import Facts, facts
 from rig.servo.setpoint import Setpoint
@@ -27,15 +27,16 @@ class StateSpaceController:
     Folded into two small products a step: of v = [p, xI, feed-forward states, setpoint, encoder angle] with a row for the
     torque, and of [v, torque asked for, torque applied] with a matrix for the states of the next sample.
 
-    Raises ServoError for a sample time or a limit out of bounds and an unknown feed-forward, PolesOutOfReach and BeyondNyquist
-    for what the sampling cannot hold, Improper for a load filter of too low a relative degree.
+    Raises ServoError for a sample time or a limit out of bounds, an estimator of another sample time and an unknown
+    feed-forward, PolesOutOfReach and BeyondNyquist for what the sampling cannot hold, Improper for a load filter of too low a
+    relative degree.
     """
 
     def __init__(
         self,
         joint: TwoMass,
         feedback: Feedback,
-        estimator: Estimator,
+        estimator: Estimator | SampledEstimator,
         period_s: float,
         *,
         torque_limit_n_m: float = math.inf,
@@ -113,7 +114,7 @@ def continuous_facts(joint: TwoMass, feedback: Feedback, estimator: Estimator) -
 
 
 def _fold(
-    joint: TwoMass, feedback: Feedback, estimator: Estimator, ahead: Lead, period_s: float
+    joint: TwoMass, feedback: Feedback, estimator: Estimator | SampledEstimator, ahead: Lead, period_s: float
 ) -> tuple[FloatArray, FloatArray]:
     """The torque's row (n + 4,) and the next states' matrix (n, n + 6), n = 5 + states of the feed-forward."""
     a, b = sampled_joint(joint, period_s)

@@ -20,6 +20,7 @@ from rig.servo.block import check_period
 from rig.servo.errors import PolesOutOfReach, ServoError, check_below_nyquist, check_range
 from rig.servo.loops import Facts, facts
 from rig.servo.reachability import Units, check_reachable, own_units
+from rig.servo.riccati import least_cost
 from rig.servo.two_mass import TwoMass
 
 SETTLING = 1e-9  # real part of the slowest pole to be had, as a share of the fastest: below it is rounding
@@ -90,15 +91,31 @@ def augmented_units(joint: TwoMass) -> Units:
 def sampled_joint(joint: TwoMass, period_s: float) -> tuple[FloatArray, FloatArray]:
     """exp(A period) (4, 4) and the effect (4,) of a motor torque held for a period.
 
-    Raises ServoError for a sample time out of bounds, BeyondNyquist when the joint swings faster than half the sampling.
+    Raises ServoError for a sample time out of bounds or too long for a damper in floating point, BeyondNyquist when the joint
+    swings faster than half the sampling.
     """
-    import control
+    from scipy.linalg import expm
 
     check_period(period_s)
     fastest_rad_s = float(np.max(np.abs(joint.poles_1_s.imag)))
     check_below_nyquist("the joint's resonance", fastest_rad_s, period_s, "sample faster, or treat the joint as rigid")
-    sampled = control.sample_system(joint.plant["motor_angle", "motor_torque"], period_s, method="zoh")
-    return np.asarray(sampled.A), np.asarray(sampled.B)[:, 0]
+    units, whole = sample_units(period_s), np.zeros((5, 5))
+    whole[:4, :4] = units.matrix(joint.state_matrix)
+    whole[:4, 4] = joint.input_matrix[:, 0] / units.states / units.rate_1_s
+    with np.errstate(all="ignore"):
+        after = np.asarray(expm(whole))[:4]
+    if not np.all(np.isfinite(after)):
+        fastest_1_s = float(np.max(np.abs(joint.poles_1_s)))
+        raise ServoError(
+            f"period_s = {period_s:g} for a joint with a pole at -{fastest_1_s:.3g} 1/s, which floating point does not hold: "
+            "lower its damping, or treat it as rigid"
+        )
+    return after[:, :4] * units.states[:, None] / units.states, after[:, 4] * units.states
+
+
+def sample_units(period_s: float) -> Units:
+    """Angles in rad, speeds in rad a sample, time in samples."""
+    return Units(np.array([1.0, 1.0 / period_s, 1.0, 1.0 / period_s]), 1.0 / period_s)
 
 
 def assign(joint: TwoMass, poles_1_s: Sequence[complex] | ComplexArray, period_s: float | None = None) -> Feedback:
@@ -117,10 +134,8 @@ def lq(joint: TwoMass, weights: Sequence[float] | FloatArray, torque_weight: flo
     """Gains that minimise the integral of sum_i weights_i z_i^2 + torque_weight u^2 (source 001, optimal LQ control).
 
     Raises NotReachable; ServoError unless weights (5,) are >= 0 and finite with that of the integral > 0, else the integral
-    costs nothing and nothing would bring it home.
+    costs nothing and nothing would bring it home, and for weights so far apart that rounding decides the gains.
     """
-    import control
-
     q = np.asarray(weights, dtype=np.float64)
     if q.shape != (5,) or not (np.all(np.isfinite(q)) and np.all(q >= 0.0) and q[4] > 0.0):
         raise ServoError(
@@ -129,9 +144,10 @@ def lq(joint: TwoMass, weights: Sequence[float] | FloatArray, torque_weight: flo
         )
     check_range("torque_weight", torque_weight, 1e-12, 1e12, "1 leaves the scale to the weights")
     f, g = augmented(joint)
-    check_reachable(f, g, augmented_units(joint))
-    gains, _, _ = control.lqr(f, g[:, None], np.diag(q), torque_weight)
-    return _feedback(-np.asarray(gains)[0])
+    units = augmented_units(joint)
+    check_reachable(f, g, units)
+    given = f"weights = {q.tolist()}, torque_weight = {torque_weight}"
+    return _feedback(-least_cost(f, g, np.diag(q), torque_weight, units, given, "bring the weights closer together"))
 
 
 def check_poles(poles_1_s: Sequence[complex] | ComplexArray, count: int, period_s: float | None = None) -> ComplexArray:

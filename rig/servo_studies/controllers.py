@@ -12,7 +12,7 @@ from rig.servo.cascade import Cascade, CascadeController
 from rig.servo.disturbance_design import LowPass, Nominal, ObserverDesign
 from rig.servo.disturbance_observer import Compensated, DisturbanceObserver
 from rig.servo.errors import ServoError
-from rig.servo.estimator import Estimator, Noise, kalman
+from rig.servo.estimator import Estimator, Noise, SampledEstimator, sampled_kalman
 from rig.servo.estimator import assign as assign_estimator
 from rig.servo.feed_forward import LoadFilter, least_degree
 from rig.servo.loops import Mode, swinging
@@ -142,19 +142,22 @@ def _least_damped(name: str, loop: Loop) -> Mode:
     return pair
 
 
-def _optimal(spec: ServoSpec) -> tuple[Feedback, Estimator]:
+def _optimal(spec: ServoSpec) -> tuple[Feedback, SampledEstimator]:
     g = spec.lqg
     noise = Noise(
         motor_torque_n2_m2_s=g.torque_noise_n2_m2_s,
         load_torque_n2_m2_s=g.torque_noise_n2_m2_s,
         encoder_counts_per_rev=g.encoder_counts_per_rev,
-        encoder_period_s=spec.drive.period_s,
     )
-    return lq(spec.joint, g.state_weights, g.torque_weight), kalman(spec.joint, noise)
+    return lq(spec.joint, g.state_weights, g.torque_weight), sampled_kalman(spec.joint, noise, spec.drive.period_s)
 
 
 def _state_space(
-    spec: ServoSpec, feedback: Feedback, estimator: Estimator, ahead: str, load_filter: LoadFilter | None = None
+    spec: ServoSpec,
+    feedback: Feedback,
+    estimator: Estimator | SampledEstimator,
+    ahead: str,
+    load_filter: LoadFilter | None = None,
 ) -> Controller:
     return StateSpaceController(
         spec.joint,

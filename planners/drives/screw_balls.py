@@ -1,0 +1,35 @@
+"""The balls of a nut: how fast they may go (source 004, C.0.8)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from planners.errors import unknown_name
+from planners.laws import bounds
+
+BALLS_M_RPM = {"steel": (70.0, 120.0), "ceramic": (190.0, 220.0)}  # d x n that makers usually allow
+
+
+@dataclass(frozen=True, kw_only=True)
+class Balls:
+    """Material, and the maker's d x n where it is known. Raises PlanError for an unknown material or a d x n not above 0."""
+
+    material: str = "steel"
+    limit_m_rpm: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.material not in BALLS_M_RPM:
+            raise unknown_name("material", self.material, BALLS_M_RPM)
+        if self.limit_m_rpm is not None:
+            bounds.datum("limit_m_rpm", self.limit_m_rpm)
+
+    @property
+    def allowed_m_rpm(self) -> float:
+        """The maker's d x n, else the careful end of the material's range."""
+        return BALLS_M_RPM[self.material][0] if self.limit_m_rpm is None else self.limit_m_rpm
+
+    @property
+    def usual(self) -> bool:
+        """Whether that is within the material's range."""
+        low, high = BALLS_M_RPM[self.material]
+        return low <= self.allowed_m_rpm <= high

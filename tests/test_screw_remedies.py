@@ -1,0 +1,167 @@
+"""The next step that a broken check names: applied, the check is kept; and no step that cannot help."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from planners.drives import digits
+from planners.drives.ball_screw import Mounting
+from planners.drives.motor import Motor
+from planners.drives.screw_axis import Axis
+from planners.drives.screw_balls import Balls
+from planners.drives.screw_candidate import Candidate
+from planners.drives.screw_checks import assess
+from planners.drives.screw_cycle import Cycle, Move
+from planners.drives.screw_load import AxisLoad
+from planners.drives.screw_supports import SUPPORTS
+from planners.drives.screw_transmission import Transmission
+from planners.drives.screw_wishes import Wishes
+
+THERE = Move(stroke_m=0.5, time_s=0.5, law="quintic", rest_s=0.2)
+AXIS = Axis(
+    mounting=Mounting(length_m=1.2),
+    load=AxisLoad(mass_kg=80.0, slope_rad=0.3, friction_coefficient=0.05),
+    cycle=Cycle((THERE, replace(THERE, stroke_m=-0.5, rest_s=0.0))),
+    transmission=Transmission(),
+)
+SCREW = Candidate(name="20x5", diameter_m=0.02, lead_m=0.005, origin="x", dynamic_load_n=8000.0)
+sizes = {"d": st.floats(0.006, 0.05), "p": st.floats(0.002, 0.05)}
+
+
+def check_of(axis, candidate, name):
+    return next(check for check in assess(axis, candidate).checks if check.name == name)
+
+
+def named(reason, pattern):
+    found = re.search(pattern, reason)
+    return float(found[1]) if found else None
+
+
+@given(st.floats(1e-9, 1e9))
+def test_four_digits_are_rounded_to_the_side_that_helps(value):
+    low, high = float(digits.greatest(value)), float(digits.least(value))
+    assert low <= value <= high
+    assert high - low <= 1.01e-3 * value
+
+
+@pytest.mark.parametrize(
+    ("name", "wishes"),
+    [
+        ("whirling", {}),
+        ("ball speed d n", {}),
+        ("life", {"life_h": 1e5}),
+        ("dynamic load", {"life_h": 1e5}),
+        ("lead for accuracy", {"position_error_m": 1e-5, "angle_error_rad": 7e-3}),
+        ("stiffness", {"stiffness_n_m": 2e7}),
+        ("bandwidth", {"bandwidth_rad_s": 150.0}),
+    ],
+)
+def test_a_screw_with_the_lead_that_is_named_keeps_the_check(name, wishes):
+    axis = replace(AXIS, wishes=Wishes(**wishes), bearing_n_m=2e8)
+    tried = 0
+    for d, p, core in product(np.geomspace(0.006, 0.05, 5), np.geomspace(0.002, 0.1, 5), (None, 0.83)):
+        screw = replace(SCREW, diameter_m=float(d), lead_m=float(p), core_diameter_m=core and core * float(d))
+        check = check_of(axis, screw, name)
+        lead = named(check.reason, r"a lead of ([-0-9.e]+) m")
+        if lead is not None and 1e-4 <= lead <= 10.0:
+            tried += 1
+            assert check_of(axis, replace(screw, lead_m=lead), name).state == "kept"
+    assert tried > 5
+
+
+@pytest.mark.parametrize(
+    ("name", "wishes"), [("buckling", {}), ("sag", {"sag_m": 3e-4}), ("stiffness", {"stiffness_n_m": 6e7})]
+)
+@settings(max_examples=40)
+@given(**sizes, cored=st.booleans(), carried=st.sampled_from((0.0, 2.0, 50.0)))
+def test_a_screw_with_the_diameter_that_is_named_keeps_the_check(name, wishes, d, p, cored, carried):
+    heavy = replace(AXIS.load, mass_kg=3000.0)
+    axis = replace(AXIS, load=heavy, wishes=Wishes(**wishes), bearing_n_m=2e8, carried_kg=carried)
+    screw = replace(SCREW, diameter_m=d, lead_m=p, core_diameter_m=0.9 * d if cored else None)
+    check = check_of(axis, screw, name)
+    assume(check.state == "broken")
+    thick = named(check.reason, r"a (?:core|diameter) of ([-0-9.e]+) m")
+    assert ("a core of" in check.reason) == cored
+    other = replace(screw, diameter_m=max(thick, d), core_diameter_m=thick if cored else None)
+    assert check_of(axis, other, name).state == "kept"
+
+
+@settings(max_examples=30)
+@given(st.floats(0.05, 2.0), st.sampled_from(("quintic", "trapezoidal", "cycloidal")))
+def test_the_times_that_are_named_keep_the_speed(limit, law):
+    there = Move(stroke_m=0.5, time_s=0.4, law=law)
+    axis = replace(AXIS, cycle=Cycle((there, replace(there, stroke_m=-0.5))))
+    check = check_of(axis, replace(SCREW, speed_m_s=limit), "speed of the unit")
+    assume(check.state == "broken")
+    times = [float(t) for t in re.findall(r"needs ([-0-9.e]+) s", check.reason)]
+    moves = [replace(move, time_s=t) for move, t in zip(axis.cycle.moves, times, strict=True)]
+    slow = replace(axis, cycle=Cycle(moves))
+    assert check_of(slow, replace(SCREW, speed_m_s=limit), "speed of the unit").state == "kept"
+
+
+@settings(max_examples=30)
+@given(st.floats(0.4, 0.99), st.sampled_from(("motor", "brake")))
+def test_the_rest_that_is_named_keeps_the_motor_cool(share, hold):
+    gear = replace(AXIS.transmission, hold=hold)
+    axis = replace(AXIS, transmission=gear)
+    hot = check_of(axis, SCREW, "motor torque, rms").value
+    motor = Motor(continuous_torque_n_m=share * hot, peak_torque_n_m=100.0, max_speed_rad_s=1e4)
+    check = check_of(replace(axis, motor=motor), SCREW, "motor torque, rms")
+    assert check.state == "broken"
+    rest = named(check.reason, r": ([-0-9.e]+) s more of rest")
+    last = axis.cycle.moves[-1]
+    longer = Cycle((*axis.cycle.moves[:-1], replace(last, rest_s=last.rest_s + rest)))
+    assert check_of(replace(axis, cycle=longer, motor=motor), SCREW, "motor torque, rms").state == "kept"
+
+
+def test_rests_are_no_remedy_where_holding_takes_too_much():
+    """80 kg straight up on 5 mm: 80 x 9.81 x 0.005 / (2 pi x 0.9) N m."""
+    axis = replace(AXIS, load=AxisLoad(mass_kg=80.0, slope_rad=math.pi / 2))
+    hold = 80 * 9.81 * 0.005 / (2 * math.pi * 0.9)
+    motor = Motor(continuous_torque_n_m=0.5, peak_torque_n_m=0.6, max_speed_rad_s=1e4)
+    heat = check_of(replace(axis, motor=motor), SCREW, "motor torque, rms").reason
+    assert f"holding alone takes {hold:.4g} N m" in heat
+    assert "rest" not in heat.partition("holding")[2]
+    peak = check_of(replace(axis, motor=motor), SCREW, "motor torque, peak").reason
+    assert f"even speed alone takes {hold:.4g} N m" in peak
+    assert "more time" not in peak
+    strong = replace(motor, peak_torque_n_m=0.8)
+    assert "more time for the moves" in check_of(replace(axis, motor=strong), SCREW, "motor torque, peak").reason
+
+
+def test_a_screw_is_no_remedy_where_bearing_and_nut_are_too_soft():
+    axis = replace(AXIS, bearing_n_m=2e8, nut_n_m=2.5e8, wishes=Wishes(stiffness_n_m=3e8, bandwidth_rad_s=700.0))
+    assert "bearing and nut alone give 1.111e+08 N/m where 3e+08 N/m are needed" in check_of(axis, SCREW, "stiffness").reason
+    assert "bearing and nut alone give 1.111e+08 N/m where 1.568e+08" in check_of(axis, SCREW, "bandwidth").reason
+
+
+def test_what_is_stiffest_or_fastest_already_is_no_remedy():
+    fixed = replace(AXIS, mounting=Mounting(length_m=1.2, support=SUPPORTS["fixed-fixed"]))
+    assert "stiffer supports" in check_of(AXIS, SCREW, "whirling").reason
+    assert "stiffer supports" not in check_of(fixed, SCREW, "whirling").reason
+    slow = replace(AXIS, cycle=Cycle(tuple(replace(move, time_s=0.8) for move in AXIS.cycle.moves)))
+    name = "ball speed d n"
+    assert "ceramic balls" in check_of(slow, replace(SCREW, lead_m=0.01), name).reason
+    ceramic = replace(slow, balls=Balls(material="ceramic", limit_m_rpm=100.0))
+    assert "ceramic balls" not in check_of(ceramic, replace(SCREW, lead_m=0.01), name).reason
+    assert "ceramic balls" not in check_of(AXIS, SCREW, name).reason  # 450 m rpm are beyond them
+
+
+def test_preload_is_named_only_where_less_of_it_helps():
+    axis = replace(AXIS, wishes=Wishes(life_h=1000.0))
+    pressed = replace(SCREW, preload_n=3000.0)
+    reason = check_of(axis, pressed, "life").reason
+    assert "less preload" in reason
+    assert "a stronger nut" in reason
+    shared = replace(axis, shares=replace(axis.shares, preload=0.4))
+    assert "a stronger nut" not in check_of(shared, SCREW, "life").reason
+    long = replace(axis, wishes=Wishes(life_h=1e7))
+    assert "less preload" not in check_of(long, pressed, "life").reason
