@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from planners.drives.screw_axis import Axis
-from planners.drives.screw_checks import AllowedSpeed, allowed_speed, assess
-from planners.drives.screw_cycle import Cycle
-from planners.drives.screw_table import Row, table
-from planners.drives.screw_verdict import Assessment, Check
+from planners.drives.screw.axis import Axis
+from planners.drives.screw.checks import AllowedSpeed, allowed_speed, assess
+from planners.drives.screw.cycle import Cycle
+from planners.drives.screw.table import Row, table
+from planners.drives.screw.verdict import Assessment, Check
 from rig.sizing import Sizing
 from rig.sizing_published import Comparison, axis_figures, cell_figures, compare, screw_figures
 

@@ -8,10 +8,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from planners.drives.screw_axis import Axis
-from planners.drives.screw_limits import absolute_least_lead
-from planners.drives.screw_region import Line, Region, region
-from planners.drives.screw_verdict import Assessment
+from planners.drives.screw.axis import Axis
+from planners.drives.screw.limits import absolute_least_lead
+from planners.drives.screw.region import Line, Region, region
+from planners.drives.screw.verdict import Assessment
 from planners.pieces import FloatArray
 from rig.chart_labels import label_points
 

@@ -6,13 +6,13 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
-from planners.drives.screw_axis import Axis
-from planners.drives.screw_balls import BALLS_M_RPM
-from planners.drives.screw_candidate import Candidate
-from planners.drives.screw_checks import allowed_speed
-from planners.drives.screw_limits import RPM
-from planners.drives.screw_remedies import slower
-from planners.drives.screw_verdict import Assessment
+from planners.drives.screw.axis import Axis
+from planners.drives.screw.balls import BALLS_M_RPM
+from planners.drives.screw.candidate import Candidate
+from planners.drives.screw.checks import allowed_speed
+from planners.drives.screw.limits import RPM
+from planners.drives.screw.remedies import slower
+from planners.drives.screw.verdict import Assessment
 
 CORE = 0.9  # of the nominal diameter: about what is left below a thread
 

@@ -8,19 +8,19 @@ from dataclasses import replace
 from decimal import Decimal, InvalidOperation
 from typing import NamedTuple
 
-from planners.drives.screw_axis import Axis
-from planners.drives.screw_candidate import Candidate
-from planners.drives.screw_life import dynamic_load_n, life_h
-from planners.drives.screw_limits import (
+from planners.drives.screw.axis import Axis
+from planners.drives.screw.candidate import Candidate
+from planners.drives.screw.life import dynamic_load_n, life_h
+from planners.drives.screw.limits import (
     RPM,
     absolute_least_lead,
     least_diameter_by_buckling_m,
     least_lead_by_balls_m,
     least_lead_by_whirl_m,
 )
-from planners.drives.screw_preload import PRELOAD_SHARES
-from planners.drives.screw_table import Row
-from planners.drives.screw_verdict import Assessment
+from planners.drives.screw.preload import PRELOAD_SHARES
+from planners.drives.screw.table import Row
+from planners.drives.screw.verdict import Assessment
 from planners.errors import unknown_name
 from rig.errors import ConfigError
 from rig.sizing import PublishedFigure

@@ -16,14 +16,14 @@ from scipy.linalg import eigh
 
 from planners.drives.ball_screw import BallScrew, Mounting
 from planners.drives.motor import Drivetrain, effort
-from planners.drives.screw_axis import Axis
-from planners.drives.screw_balls import BALLS_M_RPM, Balls
-from planners.drives.screw_candidate import Candidate
-from planners.drives.screw_checks import assess
-from planners.drives.screw_cycle import Cycle, Move
-from planners.drives.screw_demand import demand, shaft_demand
-from planners.drives.screw_life import dynamic_load_n, equivalent_force_n, least_lead_by_life_m, life_h
-from planners.drives.screw_limits import (
+from planners.drives.screw.axis import Axis
+from planners.drives.screw.balls import BALLS_M_RPM, Balls
+from planners.drives.screw.candidate import Candidate
+from planners.drives.screw.checks import assess
+from planners.drives.screw.cycle import Cycle, Move
+from planners.drives.screw.demand import demand, shaft_demand
+from planners.drives.screw.life import dynamic_load_n, equivalent_force_n, least_lead_by_life_m, life_h
+from planners.drives.screw.limits import (
     absolute_least_lead,
     greatest_lead_by_accuracy_m,
     greatest_lead_by_stiffness_m,
@@ -32,11 +32,11 @@ from planners.drives.screw_limits import (
     least_lead_by_balls_m,
     least_lead_by_whirl_m,
 )
-from planners.drives.screw_load import AxisLoad
-from planners.drives.screw_supports import SUPPORTS
-from planners.drives.screw_table import table
-from planners.drives.screw_transmission import Transmission
-from planners.drives.screw_wishes import Shares, Wishes
+from planners.drives.screw.load import AxisLoad
+from planners.drives.screw.supports import SUPPORTS
+from planners.drives.screw.table import table
+from planners.drives.screw.transmission import Transmission
+from planners.drives.screw.wishes import Shares, Wishes
 from planners.laws import LAWS
 
 DATA = tomllib.loads((Path(__file__).parent / "data" / "ball_screw.toml").read_text())

@@ -10,8 +10,8 @@ import pytest
 from matplotlib.collections import PolyCollection
 
 from planners.drives.ball_screw import Mounting
-from planners.drives.screw_checks import assess
-from planners.drives.screw_wishes import Wishes
+from planners.drives.screw.checks import assess
+from planners.drives.screw.wishes import Wishes
 from rig.sizing import example_tables, sizing_of
 from rig.sizing_figure import TOLD, draw_region
 

@@ -11,18 +11,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planners.drives.ball_screw import Mounting
-from planners.drives.lead_classes import LEAD_CLASSES, TABULATED, lead_class, travel_deviation_m
 from planners.drives.motor import Motor
-from planners.drives.screw_balls import Balls
-from planners.drives.screw_candidate import Candidate
-from planners.drives.screw_checks import allowed_speed, assess
-from planners.drives.screw_cycle import Cycle, Move
-from planners.drives.screw_load import AxisLoad
-from planners.drives.screw_region import region
-from planners.drives.screw_supports import SUPPORTS
-from planners.drives.screw_transmission import Transmission
-from planners.drives.screw_verdict import NOT_ASKED, UNDECIDED
-from planners.drives.screw_wishes import Shares, Wishes
+from planners.drives.screw.balls import Balls
+from planners.drives.screw.candidate import Candidate
+from planners.drives.screw.checks import allowed_speed, assess
+from planners.drives.screw.cycle import Cycle, Move
+from planners.drives.screw.lead_classes import LEAD_CLASSES, TABULATED, lead_class, travel_deviation_m
+from planners.drives.screw.load import AxisLoad
+from planners.drives.screw.region import region
+from planners.drives.screw.supports import SUPPORTS
+from planners.drives.screw.transmission import Transmission
+from planners.drives.screw.verdict import NOT_ASKED, UNDECIDED
+from planners.drives.screw.wishes import Shares, Wishes
 from planners.errors import PlanError
 from rig.sizing import example_tables, sizing_of
 

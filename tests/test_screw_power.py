@@ -11,11 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planners.drives.ball_screw import BallScrew, Mounting
-from planners.drives.screw_cycle import Cycle, Move
-from planners.drives.screw_demand import demand, shaft_demand
-from planners.drives.screw_load import AxisLoad
-from planners.drives.screw_table import table
-from planners.drives.screw_transmission import Transmission
+from planners.drives.screw.cycle import Cycle, Move
+from planners.drives.screw.demand import demand, shaft_demand
+from planners.drives.screw.load import AxisLoad
+from planners.drives.screw.table import table
+from planners.drives.screw.transmission import Transmission
 from planners.errors import PlanError
 from planners.laws import LAWS
 

@@ -12,18 +12,18 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from planners.drives import digits
 from planners.drives.ball_screw import Mounting
 from planners.drives.motor import Motor
-from planners.drives.screw_axis import Axis
-from planners.drives.screw_balls import Balls
-from planners.drives.screw_candidate import Candidate
-from planners.drives.screw_checks import assess
-from planners.drives.screw_cycle import Cycle, Move
-from planners.drives.screw_load import AxisLoad
-from planners.drives.screw_supports import SUPPORTS
-from planners.drives.screw_transmission import Transmission
-from planners.drives.screw_wishes import Wishes
+from planners.drives.screw import digits
+from planners.drives.screw.axis import Axis
+from planners.drives.screw.balls import Balls
+from planners.drives.screw.candidate import Candidate
+from planners.drives.screw.checks import assess
+from planners.drives.screw.cycle import Cycle, Move
+from planners.drives.screw.load import AxisLoad
+from planners.drives.screw.supports import SUPPORTS
+from planners.drives.screw.transmission import Transmission
+from planners.drives.screw.wishes import Wishes
 
 THERE = Move(stroke_m=0.5, time_s=0.5, law="quintic", rest_s=0.2)
 AXIS = Axis(

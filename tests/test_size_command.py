@@ -13,14 +13,14 @@ import pytest
 
 from planners.drives.ball_screw import Mounting
 from planners.drives.motor import Motor
-from planners.drives.screw_axis import Axis
-from planners.drives.screw_balls import Balls
-from planners.drives.screw_cycle import Cycle, Move
-from planners.drives.screw_load import AxisLoad
-from planners.drives.screw_region import region
-from planners.drives.screw_supports import SUPPORTS
-from planners.drives.screw_transmission import Transmission
-from planners.drives.screw_wishes import Shares, Wishes
+from planners.drives.screw.axis import Axis
+from planners.drives.screw.balls import Balls
+from planners.drives.screw.cycle import Cycle, Move
+from planners.drives.screw.load import AxisLoad
+from planners.drives.screw.region import region
+from planners.drives.screw.supports import SUPPORTS
+from planners.drives.screw.transmission import Transmission
+from planners.drives.screw.wishes import Shares, Wishes
 from rig.sizing import example_tables, file_tables, sizing_of
 from rig.sizing_published import Comparison
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from planners.drives.screw_supports import SUPPORTS, Support
+from planners.drives.screw.supports import SUPPORTS, Support
 from planners.errors import check_range
 
 GRAVITY_M_S2 = 9.81

@@ -9,10 +9,10 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from planners.drives.screw_cycle import Cycle
-from planners.drives.screw_limits import absolute_least_lead
-from planners.drives.screw_table import Row
-from planners.drives.screw_verdict import BROKEN, NOT_ASKED, UNDECIDED, Assessment
+from planners.drives.screw.cycle import Cycle
+from planners.drives.screw.limits import absolute_least_lead
+from planners.drives.screw.table import Row
+from planners.drives.screw.verdict import BROKEN, NOT_ASKED, UNDECIDED, Assessment
 from planners.errors import unknown_name
 from rig.cli.output import COLOUR, out, print_json, wide
 from rig.errors import REFUSED, ConfigError

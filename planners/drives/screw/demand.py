@@ -8,12 +8,12 @@ from typing import NamedTuple
 import numpy as np
 
 from planners.drives.ball_screw import BallScrew
-from planners.drives.screw_cycle import Cycle
-from planners.drives.screw_instants import Instants, Phase
-from planners.drives.screw_life import equivalent_force_n
-from planners.drives.screw_load import AxisLoad
-from planners.drives.screw_preload import ball_load_n
-from planners.drives.screw_transmission import Transmission
+from planners.drives.screw.cycle import Cycle
+from planners.drives.screw.instants import Instants, Phase
+from planners.drives.screw.life import equivalent_force_n
+from planners.drives.screw.load import AxisLoad
+from planners.drives.screw.preload import ball_load_n
+from planners.drives.screw.transmission import Transmission
 from planners.pieces import FloatArray
 
 

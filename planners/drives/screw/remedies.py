@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from planners.drives import digits
 from planners.drives.ball_screw import SMALLEST_M, BallScrew
-from planners.drives.screw_axis import Axis
-from planners.drives.screw_balls import BALLS_M_RPM
-from planners.drives.screw_candidate import Candidate
-from planners.drives.screw_cycle import Cycle
-from planners.drives.screw_life import least_lead_by_life_m, life_h
-from planners.drives.screw_limits import (
+from planners.drives.screw import digits
+from planners.drives.screw.axis import Axis
+from planners.drives.screw.balls import BALLS_M_RPM
+from planners.drives.screw.candidate import Candidate
+from planners.drives.screw.cycle import Cycle
+from planners.drives.screw.life import least_lead_by_life_m, life_h
+from planners.drives.screw.limits import (
     RPM,
     greatest_lead_by_stiffness_m,
     least_diameter_by_buckling_m,
@@ -19,7 +19,7 @@ from planners.drives.screw_limits import (
     least_lead_by_whirl_m,
     stiffness_for_bandwidth_n_m,
 )
-from planners.drives.screw_transmission import Transmission
+from planners.drives.screw.transmission import Transmission
 
 
 def against_whirl(axis: Axis, screw: BallScrew) -> str:

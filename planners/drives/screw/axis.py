@@ -8,14 +8,14 @@ from functools import cached_property
 
 from planners.drives.ball_screw import BallScrew, Mounting
 from planners.drives.motor import Motor
-from planners.drives.screw_balls import Balls
-from planners.drives.screw_candidate import Candidate
-from planners.drives.screw_cycle import Cycle
-from planners.drives.screw_demand import Demand, demand, equivalent_load_n
-from planners.drives.screw_load import AxisLoad
-from planners.drives.screw_preload import drag_torque_n_m
-from planners.drives.screw_transmission import Transmission
-from planners.drives.screw_wishes import Shares, Wishes
+from planners.drives.screw.balls import Balls
+from planners.drives.screw.candidate import Candidate
+from planners.drives.screw.cycle import Cycle
+from planners.drives.screw.demand import Demand, demand, equivalent_load_n
+from planners.drives.screw.load import AxisLoad
+from planners.drives.screw.preload import drag_torque_n_m
+from planners.drives.screw.transmission import Transmission
+from planners.drives.screw.wishes import Shares, Wishes
 from planners.errors import PlanError
 from planners.laws import bounds
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from planners.drives.ball_screw import BallScrew
-from planners.drives.screw_instants import Instants
-from planners.drives.screw_load import AxisLoad
+from planners.drives.screw.instants import Instants
+from planners.drives.screw.load import AxisLoad
 from planners.errors import check_range, unknown_name
 from planners.laws import bounds
 from planners.pieces import FloatArray

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from planners.drives.lead_classes import lead_class
+from planners.drives.screw.lead_classes import lead_class
 from planners.errors import PlanError, check_range
 from planners.laws import bounds
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from planners.drives.ball_screw import GRAVITY_M_S2
-from planners.drives.screw_instants import Instants
+from planners.drives.screw.instants import Instants
 from planners.errors import check_range
 from planners.laws import bounds
 from planners.pieces import FloatArray

@@ -7,16 +7,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planners.drives import digits
 from planners.drives.ball_screw import BallScrew
-from planners.drives.lead_classes import LEAD_CLASSES, TABULATED, travel_deviation_m
-from planners.drives.screw_axis import Axis
-from planners.drives.screw_candidate import Candidate
-from planners.drives.screw_demand import ShaftDemand, shaft_demand
-from planners.drives.screw_life import dynamic_load_n, life_h
-from planners.drives.screw_limits import RPM, greatest_lead_by_accuracy_m
-from planners.drives.screw_preload import ball_load_n
-from planners.drives.screw_remedies import (
+from planners.drives.screw import digits
+from planners.drives.screw.axis import Axis
+from planners.drives.screw.candidate import Candidate
+from planners.drives.screw.demand import ShaftDemand, shaft_demand
+from planners.drives.screw.lead_classes import LEAD_CLASSES, TABULATED, travel_deviation_m
+from planners.drives.screw.life import dynamic_load_n, life_h
+from planners.drives.screw.limits import RPM, greatest_lead_by_accuracy_m
+from planners.drives.screw.preload import ball_load_n
+from planners.drives.screw.remedies import (
     against_balls,
     against_buckling,
     against_heat,
@@ -28,7 +28,7 @@ from planners.drives.screw_remedies import (
     against_whirl,
     slower,
 )
-from planners.drives.screw_verdict import Assessment, Check
+from planners.drives.screw.verdict import Assessment, Check
 
 WHIRL, BALLS, UNIT, MOTOR = "whirling", "ball speed d n", "speed of the unit", "motor speed"  # all in proportion to the speed
 

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from planners.drives.ball_screw import BallScrew
-from planners.drives.screw_cycle import Cycle, Move
-from planners.drives.screw_demand import powers
-from planners.drives.screw_load import AxisLoad
-from planners.drives.screw_transmission import Transmission
+from planners.drives.screw.cycle import Cycle, Move
+from planners.drives.screw.demand import powers
+from planners.drives.screw.load import AxisLoad
+from planners.drives.screw.transmission import Transmission
 
 
 class Row(NamedTuple):

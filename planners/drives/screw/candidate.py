@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from planners.drives.ball_screw import BallScrew, Mounting, Thread
-from planners.drives.lead_classes import lead_class
+from planners.drives.screw.lead_classes import lead_class
 from planners.errors import PlanError
 from planners.laws import bounds
 

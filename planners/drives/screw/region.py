@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from planners.drives.ball_screw import BallScrew
-from planners.drives.screw_axis import Axis
-from planners.drives.screw_candidate import Candidate
-from planners.drives.screw_life import least_lead_by_life_m
-from planners.drives.screw_limits import (
+from planners.drives.screw.axis import Axis
+from planners.drives.screw.candidate import Candidate
+from planners.drives.screw.life import least_lead_by_life_m
+from planners.drives.screw.limits import (
     greatest_lead_by_accuracy_m,
     greatest_lead_by_stiffness_m,
     least_diameter_by_buckling_m,

@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from planners.drives.screw_instants import Instants, Phase, moving, resting
+from planners.drives.screw.instants import Instants, Phase, moving, resting
 from planners.errors import PlanError, check_range, unknown_name
 from planners.laws import LAWS, bounds
 from planners.laws.segments import integrated

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 from planners.drives.ball_screw import BallScrew
 from planners.drives.motor import TOLERANCE
-from planners.drives.screw_candidate import Candidate
-from planners.drives.screw_demand import ShaftDemand
+from planners.drives.screw.candidate import Candidate
+from planners.drives.screw.demand import ShaftDemand
 
 KEPT, BROKEN, UNDECIDED, NOT_ASKED = "kept", "broken", "not decidable", "not asked"
 
