@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from pathlib import Path
 
 import msgspec
@@ -43,7 +42,7 @@ def find(experiment: config.Experiment) -> tuple[str, Calibration | None]:
             raise ConfigError("[vision] calibration = 'shipped': none is shipped; make one with `rig calibrate offsets`")
         name, tables = known[-1], config.read_shipped_calibration(known[-1])
     elif Path(name).is_file():
-        tables = _read(Path(name))
+        tables = config.read_toml(Path(name), "calibration", "make it again")
     else:
         raise ConfigError(
             f"[vision] calibration = '{name}': no such file; make one with `rig calibrate offsets`, "
@@ -79,10 +78,3 @@ def _toml(value: object) -> str:
     if isinstance(value, list | tuple):
         return "[" + ", ".join(_toml(v) for v in value) + "]"
     return str(value)
-
-
-def _read(path: Path) -> dict[str, object]:
-    try:
-        return tomllib.loads(config.read_text(path, "calibration"))
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"calibration '{path}' is not valid TOML: {error}; make it again") from None

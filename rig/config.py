@@ -233,6 +233,14 @@ def read_text(path: Path, what: str) -> str:
         raise ConfigError(f"{what} '{path}' cannot be read: {error.strerror}; check the file and its permissions") from None
 
 
+def read_toml(path: Path, what: str, next_step: str = "mend that line") -> dict[str, Any]:
+    """A file's tables; raises ConfigError when it cannot be read or is no TOML."""
+    try:
+        return tomllib.loads(read_text(path, what))
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{what} '{path}' is not valid TOML: {error}; {next_step}") from None
+
+
 def _folder(name: str) -> Any:
     return resources.files("rig") / name
 
@@ -240,18 +248,13 @@ def _folder(name: str) -> Any:
 def _read(name_or_path: str) -> dict[str, Any]:
     path = Path(name_or_path)
     if name_or_path in shipped():
-        text = str((_folder("experiments") / f"{name_or_path}.toml").read_text())
-    elif path.is_file():
-        text = read_text(path, "experiment")
-    else:
-        raise ConfigError(
-            f"experiment '{name_or_path}': no such file and not a shipped experiment{nearest(name_or_path, shipped())}; "
-            f"shipped: {', '.join(shipped())}"
-        )
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"experiment '{name_or_path}' is not valid TOML: {error}; mend that line") from None
+        return tomllib.loads((_folder("experiments") / f"{name_or_path}.toml").read_text())
+    if path.is_file():
+        return read_toml(path, "experiment")
+    raise ConfigError(
+        f"experiment '{name_or_path}': no such file and not a shipped experiment{nearest(name_or_path, shipped())}; "
+        f"shipped: {', '.join(shipped())}"
+    )
 
 
 def override(tables: dict[str, Any], text: str) -> None:
@@ -298,7 +301,7 @@ def _explain(message: str, data: Any, kind: type, section: str) -> str:
     unknown = re.search(r"unknown field `(.+)`", what)
     missing = re.search(r"missing required field `(.+)`", what)
     if unknown:
-        known = [f.name for f in msgspec.structs.fields(_struct_at(kind, keys, section))]
+        known = [f.encode_name for f in msgspec.structs.fields(_struct_at(kind, keys, section))]
         return (
             f"[{'.'.join(keys)}] {unknown[1]}: unknown key{nearest(unknown[1], known)}; known here: {', '.join(known)}"
         ).replace("[] ", "")
@@ -309,7 +312,7 @@ def _explain(message: str, data: Any, kind: type, section: str) -> str:
     if isinstance(value, dict) and not what.startswith("Expected"):
         return f"[{'.'.join(keys)}] {what}".removeprefix("[] ")  # of a whole table, by the one who builds it
     if "enum" in what:
-        allowed = get_args(get_type_hints(_struct_at(kind, keys[:-1], section))[keys[-1]])
+        allowed = get_args(_struct_at(kind, keys, section))
         what = f"must be one of {', '.join(map(repr, allowed))}{nearest(str(value), allowed)}"
     where = f"[{'.'.join(keys[:-1])}] {keys[-1]}" if keys else "the file"
     return f"{where} = {value!r}: {what[0].lower()}{what[1:]}; change it to fit".removeprefix("[] ")
@@ -324,7 +327,8 @@ def _struct_at(kind: Any, keys: list[str], section: str) -> Any:
 def _within(kind: Any, key: str) -> Any:
     """The type of a struct's field, or of what a list, tuple or dict is made of; of `X | None` that is X."""
     if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
-        kind = get_type_hints(kind)[key]
+        field = next(field for field in msgspec.structs.fields(kind) if field.encode_name == key)
+        kind = get_type_hints(kind)[field.name]
     else:
         kind = next(part for part in reversed(get_args(kind)) if part is not Ellipsis)
     parts = [part for part in get_args(kind) if part is not type(None)]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tomllib
 from importlib import resources
-from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -14,7 +13,7 @@ from planners.errors import unknown_name
 from planners.laws import LAWS
 from planners.laws.trapezoidal import trapezoidal_by_acceleration
 from planners.trajectory import Trajectory
-from rig.config import Section, convert, read_text
+from rig.config import Section, convert
 from rig.errors import ConfigError
 
 EXAMPLES = ("1", "2")  # the two worked tasks of source 000
@@ -129,14 +128,6 @@ def example_tables(name: str) -> dict[str, Any]:
     if name not in EXAMPLES:
         raise unknown_name("--example", name, EXAMPLES)
     return tomllib.loads((resources.files("rig") / "motors" / f"example_{name}.toml").read_text())
-
-
-def file_tables(path: Path) -> dict[str, Any]:
-    """The tables of a file. Raises ConfigError when it cannot be read or is no TOML."""
-    try:
-        return tomllib.loads(read_text(path, "motor task"))
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"motor task '{path}' is not valid TOML: {error}; mend that line") from None
 
 
 def task_of(tables: dict[str, Any]) -> MotorTask:

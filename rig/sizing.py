@@ -7,7 +7,6 @@ import tomllib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib import resources
-from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 import msgspec
@@ -24,7 +23,7 @@ from planners.drives.screw.transmission import Transmission
 from planners.drives.screw.wishes import Shares, Wishes
 from planners.errors import PlanError, check_range, unknown_name
 from planners.laws import bounds
-from rig.config import Section, convert, read_text
+from rig.config import Section, convert
 from rig.errors import ConfigError
 from rig.motors import MotorSection
 
@@ -165,14 +164,6 @@ def example_tables(name: str) -> dict[str, Any]:
     if name not in EXAMPLES:
         raise unknown_name("--example", name, EXAMPLES)
     return _shipped(name)
-
-
-def file_tables(path: Path) -> dict[str, Any]:
-    """The tables of a file. Raises ConfigError when it cannot be read or is no TOML."""
-    try:
-        return tomllib.loads(read_text(path, "sizing"))
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"sizing '{path}' is not valid TOML: {error}; mend that line") from None
 
 
 def sizing_of(tables: dict[str, Any]) -> Sizing:

@@ -21,7 +21,8 @@ from planners.drives.screw.region import region
 from planners.drives.screw.supports import SUPPORTS
 from planners.drives.screw.transmission import Transmission
 from planners.drives.screw.wishes import Shares, Wishes
-from rig.sizing import example_tables, file_tables, sizing_of
+from rig.config import read_toml
+from rig.sizing import example_tables, sizing_of
 from rig.sizing_published import Comparison
 
 SPEC = """
@@ -213,7 +214,7 @@ def test_every_key_of_an_entry_reaches_the_candidate(spec):
     keys = ["static_load_n", "preload_n", "core_diameter_m", "ball_circle_m", "limit_m_rpm", "speed_m_s", "stroke_m"]
     values = dict(zip(keys, (2e4, 600.0, 0.022, 0.026, 130.0, 1.5, 0.9), strict=True))
     lines = "".join(f"{name} = {value}\n" for name, value in values.items() if name != "static_load_n")
-    choice = sizing_of(file_tables(spec(SPEC + MY_SCREW + lines, before='choice = "mine"\n'))).choice
+    choice = sizing_of(read_toml(spec(SPEC + MY_SCREW + lines, before='choice = "mine"\n'), "sizing")).choice
     assert {name: getattr(choice, name) for name in keys} == values
     assert (choice.dynamic_load_n, choice.lead_class, choice.origin) == (12000.0, "ISO 5", "measured")
 
@@ -341,11 +342,11 @@ law = "cubic"
         nut_n_m=2e8,
         carried_kg=0.5,
     )
-    assert sizing_of(file_tables(path)).axis == expected
+    assert sizing_of(read_toml(path, "sizing")).axis == expected
 
 
 def test_what_a_spec_leaves_out_is_what_the_axis_takes_by_itself(spec):
-    axis = sizing_of(file_tables(spec())).axis
+    axis = sizing_of(read_toml(spec(), "sizing")).axis
     assert (axis.shares, axis.wishes, axis.motor) == (Shares(), Wishes(), None)
     assert axis.mounting == Mounting(length_m=1.0, support=SUPPORTS["fixed-fixed"])
     assert axis.transmission == Transmission()
@@ -396,7 +397,7 @@ def test_the_chart_is_drawn_with_a_line_for_every_limit_that_is_asked(rig, spec,
     code, _, _ = rig("size", path, "--plot", "chart.svg")
     assert code == 0
     assert "<svg" in (tmp_path / "chart.svg").read_text()
-    sizing = sizing_of(file_tables(path))
+    sizing = sizing_of(read_toml(path, "sizing"))
     axis = sizing.axis
     names = [line.name for line in region(axis, np.array([0.02]), sizing.choice).lines]
     assert names == ["whirling", "balls", "buckling", "life", "sag", "accuracy", "bandwidth"]

@@ -12,8 +12,9 @@ from rich.table import Table
 from planners.drives.motor import TOLERANCE, Verdict, check
 from planners.laws import LAWS
 from rig.cli.output import out, print_json, wide
+from rig.config import read_toml
 from rig.errors import REFUSED, ConfigError
-from rig.motors import EXAMPLES, MotorTask, example_tables, file_tables, task_of
+from rig.motors import EXAMPLES, MotorTask, example_tables, task_of
 
 UNITS = {"torque": "N m", "thermal": "N m", "speed": "rad/s", "power": "W"}
 TITLES = {"torque": "the peak torque", "thermal": "the rms torque", "speed": "the speed", "power": "the power"}
@@ -63,7 +64,7 @@ def motor_check(
     """Check torque, heat, speed and power of a motor that repeats a motion, with margins; exit 3 when it cannot."""
     if file is not None and example is not None:
         raise ConfigError(f"--example {example} with file '{file}'; must be one of the two: leave one out")
-    tables = file_tables(file) if file is not None else example_tables(example) if example is not None else {}
+    tables = read_toml(file, "motor task") if file is not None else example_tables(example) if example is not None else {}
     linear = distance is not None or (angle is None and "distance_m" in _table(tables, "motion"))
     changes: dict[str, dict[str, Any]] = {
         "motor": {

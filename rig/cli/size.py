@@ -15,8 +15,9 @@ from planners.drives.screw.table import Row
 from planners.drives.screw.verdict import BROKEN, NOT_ASKED, UNDECIDED, Assessment
 from planners.errors import unknown_name
 from rig.cli.output import COLOUR, out, print_json, wide
+from rig.config import read_toml
 from rig.errors import REFUSED, ConfigError
-from rig.sizing import EXAMPLES, Sizing, example_tables, file_tables, sizing_of
+from rig.sizing import EXAMPLES, Sizing, example_tables, sizing_of
 from rig.sizing_document import Judgement, document, judge
 from rig.sizing_notes import notes
 from rig.sizing_published import Comparison
@@ -72,7 +73,7 @@ def _read(file: Path | None, example: str | None) -> Sizing:
         raise ConfigError(f"--example {example} with file '{file}'; must be one of the two: leave one out")
     if file is None and example is None:
         raise ConfigError(f"SPEC.toml: missing; give a file, or look at --example {EXAMPLES[0]}")
-    return sizing_of(file_tables(file) if file is not None else example_tables(example or ""))
+    return sizing_of(read_toml(file, "sizing") if file is not None else example_tables(example or ""))
 
 
 def _print(result: Judgement, every: bool) -> None:

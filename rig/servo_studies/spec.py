@@ -14,7 +14,7 @@ from msgspec import Meta
 
 from planners.laws.trapezoidal import trapezoidal_by_acceleration
 from planners.trajectory import Trajectory
-from rig.config import Section, convert, nearest, override, read_text
+from rig.config import Section, convert, nearest, override, read_toml
 from rig.errors import ConfigError
 from rig.servo.two_mass import TwoMass
 
@@ -172,16 +172,11 @@ def load(path: Path | None, overrides: Sequence[str] = ()) -> ServoSpec:
 
     Raises ConfigError naming section, key, value, bound and the nearest known key.
     """
-    name = str(path or SHIPPED)
-    text = read_text(path, "servo comparison") if path else _shipped()
-    try:
-        tables = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"servo comparison '{name}' is not valid TOML: {error}; mend that line") from None
+    tables = read_toml(path, "servo comparison") if path else _shipped()
     for change in overrides:
         override(tables, change)
     return convert(tables, ServoSpec)
 
 
-def _shipped() -> str:
-    return (resources.files("rig") / "servo_studies" / f"{SHIPPED}.toml").read_text()
+def _shipped() -> dict[str, Any]:
+    return tomllib.loads((resources.files("rig") / "servo_studies" / f"{SHIPPED}.toml").read_text())
