@@ -183,14 +183,17 @@ def test_a_figure_is_what_its_definition_says():
     assert found == bench_run.Outcome(
         residual=0.25,
         residual_measured=0.2,
-        settling_s=0.25,
+        settled_s=0.25,
         speed_error=pytest.approx(math.sqrt((0.25 + 0.0001) / 4.0) / 2.0),
         overshoot_deg=pytest.approx(math.degrees(0.1)),
         final_error_deg=pytest.approx(math.degrees(0.02)),
         arrived=False,
         peak_torque_n_m=5.0,
         rms_torque_n_m=pytest.approx(math.sqrt(12.5)),
+        rest_torque_n_m=0.0,
+        at_limit_s=0.0,
     )
+    assert bench_run.outcome(recording, torque_limit_n_m=4.0).at_limit_s == pytest.approx(0.5)
     late = bench_run.outcome(recording, late_s=0.25)
     assert late.residual == pytest.approx(0.005)
     assert late.rms_torque_n_m == pytest.approx(math.sqrt(50.0 / 3.0))
@@ -227,7 +230,7 @@ def test_what_of_the_residual_is_owed_to_torque_fed_ahead_is_shown(rows, truth):
     for move in (1, 2, 3):
         pid, ahead, lqg = (rows[truth, move, name].outcome for name in ("pid", "pid_ff", "lqg"))
         assert ahead.residual < 0.65 * pid.residual
-        assert lqg.settling_s < ahead.settling_s
+        assert lqg.settled_s < ahead.settled_s
         assert lqg.speed_error < ahead.speed_error
         assert lqg.overshoot_deg < ahead.overshoot_deg
 
@@ -235,8 +238,10 @@ def test_what_of_the_residual_is_owed_to_torque_fed_ahead_is_shown(rows, truth):
 def test_a_shaped_move_is_judged_from_the_shaper_s_end_on(rows):
     row = rows["listed", 1, "pid_shaped"]
     assert 0.02 < row.late_s < 0.03
-    assert row.outcome == bench_run.outcome(row.recording, row.late_s)
-    assert row.outcome.settling_s == pytest.approx(bench_run.outcome(row.recording).settling_s - row.late_s)
+    whole = bench_run.outcome(row.recording)
+    assert row.outcome == bench_run.outcome(row.recording, row.late_s, SPEC.drive.torque_limit_n_m)
+    assert row.outcome.rms_torque_n_m < whole.rms_torque_n_m  # of a longer move
+    assert row.outcome.settled_s == pytest.approx(whole.settled_s)  # counted from the end that was asked for
 
 
 @pytest.mark.parametrize(
@@ -294,10 +299,45 @@ def test_the_page_on_drives_tells_what_comes_out(rows, truth):
         assert told == pytest.approx(found, abs=0.006)
 
 
+def test_an_unstable_loop_is_named_and_ranked_nowhere(rig):
+    words = ("--truth", "listed", "--controllers", "pid,lqg", "--set", "pid.speed_crossover=50")
+    code, out, _ = rig("servo", "compare", *words)
+    assert code == 0
+    assert "pid is unstable on the joint believed in" in out
+    assert "leaves less than" not in out
+    document = json.loads(rig("servo", "compare", *words, "--json")[1])
+    assert document["verdict"] == "doubtful"
+    assert not document["designs"]["pid"]["stable"]
+    assert document["designs"]["pid"]["phase_margin_deg"] is None
+    assert document["designs"]["lqg"]["stable"]
+
+
+def test_when_nothing_arrives_the_data_are_not_good_and_the_limit_is_named(rig):
+    code, out, _ = rig("servo", "compare", "--truth", "listed", "--controllers", "pid", "--set", "bench.torque_limit_n_m=0.1")
+    assert code == 6
+    assert "pid did not arrive: truth listed, 40° in 0.5 s" in out
+    assert "its torque at the limit for" in out
+
+
+def test_more_samples_than_anybody_waits_for_are_refused_with_the_sample_time_that_goes(rig):
+    code, _, err = rig("servo", "compare", "--set", "drive.period_s=1e-6")
+    assert code == 2
+    assert "must be <= 2e+06, some minutes: sample every 3.7e-05 s or slower" in err
+
+
+def test_every_controller_of_a_picture_has_a_colour_of_its_own():
+    from rig.servo_studies.compare_figure import draw_comparison
+
+    figure = draw_comparison(list(compare(SPEC, ["listed"], list(CONTROLLERS))))
+    lines = figure.axes[0].get_lines()[1:9]
+    assert [line.get_label() for line in lines] == list(CONTROLLERS)
+    assert len({line.get_color() for line in lines}) == len(CONTROLLERS)
+
+
 def test_the_command_shows_a_table_and_says_who_leaves_less(rig):
     code, out, _ = rig("servo", "compare", "--truth", "listed,fitted")
     assert code == 0
-    assert "lqg leaves less vibration than pid in 6 of 6 moves" in out
+    assert "lqg leaves less than pid in 6 of 6 moves" in out
     assert "did not arrive" not in out
     assert "40° in 0.5 s" in out
     assert "127.4, 0.385" in out  # the design's least damped pair

@@ -14,10 +14,22 @@ from rich.console import Console
 from rich.table import Table
 
 from rig.analysis.summary import QUANTITIES, LinkSummary, Quantities, Summary
-from rig.errors import ConfigError
+from rig.errors import OK, ConfigError
 
-out = Console(highlight=False, soft_wrap=True, markup=False)
-wide = Console(width=140, highlight=False, markup=False)  # for tables that a narrower terminal may wrap, not cut
+
+class _Pipe(Console):
+    """A console whose reader may have seen enough, as `| head` has: that is no failure."""
+
+    def on_broken_pipe(self) -> None:
+        """Say nothing more, and leave with what head leaves with."""
+        try:
+            super().on_broken_pipe()
+        except SystemExit:
+            raise SystemExit(OK) from None
+
+
+out = _Pipe(highlight=False, soft_wrap=True, markup=False)
+wide = _Pipe(width=140, highlight=False, markup=False)  # for tables that a narrower terminal may wrap, not cut
 err = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
 
 COLOUR = {"good": "green", "doubtful": "yellow", "bad": "red"}

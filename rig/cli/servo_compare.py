@@ -13,7 +13,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from rig.cli.output import check_folder, err, out, print_json, wide
-from rig.errors import ConfigError
+from rig.errors import BAD_DATA, ConfigError
 
 if TYPE_CHECKING:
     from rig.servo.loops import Facts
@@ -30,30 +30,37 @@ COLUMNS = (
     (SHARE, ""),
     ("by sensor", "[%]"),
     ("settled", "[ms]"),
-    ("error", "[%]"),
+    ("rms error", "[%]"),
     ("overshoot", "[°]"),
-    ("off", "[°]"),
+    ("final error", "[°]"),
     ("peak", "[N m]"),
     ("rms", "[N m]"),
+    ("at rest", "[N m]"),
 )
 LEGEND = (
-    "residual: largest speed of the load after the end of the move, true and by its accelerometer; error: rms of the speed",
-    "against the move as asked; all in % of the move's top speed. Settled: from the end on, until the speed stays below 1 %.",
-    "Overshoot, off: of the load, off at the end of the watch. Peak, rms: torque of the motor. A shaper, or the filter of",
-    "lqg_ff, makes a move end later; that is not held against it but in the error. Truths: [bench] with changes.",
+    "residual: largest speed of the load after the end of the move, true and by its accelerometer; rms error: of the speed",
+    "against the reference; all in % of the move's top speed. Settled: from the end of the reference until the speed stays",
+    "below 1 %. Overshoot, final error: of the load, the latter at the end of the watch. Peak, rms, at rest: torque of the",
+    "motor, rms of the move and of the end of the watch. A shaper, or the filter of lqg_ff, puts off the end of the move.",
+)
+DESIGN_LEGEND = (
+    "Zeros: of the motor's angle, least damped: there the load swings while the motor stands, and no gain moves it. Gain",
+    "margins: to what share the gain may fall, and grow. Sensitivity: largest |1 / (1 + L)|. Eigenvectors: condition of their",
+    "matrix, 1 is best.",
 )
 LOST = (
     "Source 001 publishes the joint's constants and the moves; its gains are not published and its traces are lost: the gains",
     "here are ours, so it is the ranking that is comparable. Its PID feeds the speed ahead, as pid does; lqg feeds the torque",
     "ahead as well. pid_ff does that, too, and shows what of the residual is owed to it.",
 )
+OURS = ("model.", "move.", "bench.")  # keys of the file that make it another rig than the source's
 DESIGNS: tuple[tuple[str, str], ...] = (
     ("controller", ""),
     ("slowest pole", "[rad/s]"),
     ("fastest", "[rad/s]"),
     ("least damped", "[rad/s], ratio"),
     ("zeros", "[rad/s], ratio"),
-    ("gain may be", ""),
+    ("gain margins", ""),
     ("phase margin", "[°]"),
     ("crossover", "[rad/s]"),
     ("sensitivity", "peak"),
@@ -105,12 +112,16 @@ def compare(
         from rig.servo_studies.compare_figure import draw_comparison
 
         picture_file.save(draw_comparison([row for row in rows if row.truth == truths[0]]), plot)
+    verdict, reasons = _verdict(facts, rows)
     if as_json:
-        print_json(_document(spec, facts, rows))
+        print_json(_document(spec, facts, rows) | {"verdict": verdict, "reasons": reasons})
     else:
         _print_designs(spec, facts)
-        _print(file, rows, names)
-    return 0
+        _print(rows, names)
+        if file is None and not any(change.startswith(OURS) for change in changes or ()):
+            out.print("\n".join(LOST), style="dim")
+        _print_verdict(rows, names, facts, reasons)
+    return BAD_DATA if verdict == "bad" else 0
 
 
 def _words(option: str, text: str) -> list[str]:
@@ -143,7 +154,7 @@ def _share(row: Row, rows: Sequence[Row]) -> float | None:
 
 def _document(spec: ServoSpec, facts: Mapping[str, Facts], rows: Sequence[Row]) -> dict[str, Any]:
     return {
-        "exit_status": "ok",
+        "exit_status": "ok" if any(row.outcome.arrived for row in rows) else "bad_data",
         "period_s": spec.drive.period_s,
         "seed": spec.seed,
         "moves": [msgspec.structs.asdict(move) for move in spec.move],
@@ -166,11 +177,11 @@ def _design(found: Facts) -> dict[str, Any]:
         "poles_1_s": [[pole.real, pole.imag] for pole in found.poles_1_s.tolist()],
         "zeros_1_s": [[zero.real, zero.imag] for zero in found.zeros_1_s.tolist()],
         "stable": found.stable,
-        "gain_margin": found.margins.gain,
-        "least_gain": found.margins.least_gain,
-        "phase_margin_deg": found.margins.phase_deg,
-        "crossover_rad_s": found.margins.crossover_rad_s,
-        "peak_sensitivity": found.margins.sensitivity,
+        "gain_margin": found.margins.gain if found.stable else None,
+        "least_gain": found.margins.least_gain if found.stable else None,
+        "phase_margin_deg": found.margins.phase_deg if found.stable else None,
+        "crossover_rad_s": found.margins.crossover_rad_s if found.stable else None,
+        "peak_sensitivity": found.margins.sensitivity if found.stable else None,
         "eigenvector_condition": found.condition,
     }
 
@@ -184,11 +195,12 @@ def _print_designs(spec: ServoSpec, facts: Mapping[str, Facts]) -> None:
     import numpy as np
 
     from rig.servo.loops import swinging
+    from rig.servo_studies.compare import built
 
-    title = f"loops on the joint believed in, every {1e3 * spec.drive.period_s:g} ms; opened at the motor's torque"
+    title = f"loops on the joint believed in, sampled every {1e3 * spec.drive.period_s:g} ms; broken at the motor's torque"
     table = Table(title=title, title_justify="left", box=None, padding=(0, 2, 0, 0))
     for name, unit in DESIGNS:
-        table.add_column(f"{name}\n{unit}", justify="right" if unit or name == "gain may be" else "left", no_wrap=True)
+        table.add_column(f"{name}\n{unit}", justify="right" if unit or name == "gain margins" else "left", no_wrap=True)
     for name, found in facts.items():
         pair = min(swinging(found.poles_1_s), key=lambda mode: mode.damping, default=None)
         slow = found.zeros_1_s[np.abs(found.zeros_1_s.imag) < 0.99 * math.pi / spec.drive.period_s]  # not of the sampling
@@ -202,6 +214,10 @@ def _print_designs(spec: ServoSpec, facts: Mapping[str, Facts]) -> None:
         )
         table.add_row(name, *cells)
     wide.print(table)
+    out.print("\n".join(DESIGN_LEGEND), style="dim")
+    for name, drive in built(spec, list(facts)).items():
+        if drive.note:
+            out.print(f"{name}: {drive.note}", style="dim")
     out.print()
 
 
@@ -212,7 +228,7 @@ def _margins(found: Facts) -> tuple[str, ...]:
     return f"{m.least_gain:.3g} to {m.gain:.3g}", f"{m.phase_deg:.1f}", f"{m.crossover_rad_s:.1f}", f"{m.sensitivity:.2f}"
 
 
-def _print(file: Path | None, rows: Sequence[Row], names: Sequence[str]) -> None:
+def _print(rows: Sequence[Row], names: Sequence[str]) -> None:
     table = Table(title="controllers of the elastic joint", title_justify="left", box=None, padding=(0, 2, 0, 0))
     for name, unit in COLUMNS:
         told, figure = (f"of {names[0]}", True) if name == SHARE else (name, bool(unit))
@@ -230,30 +246,45 @@ def _print(file: Path | None, rows: Sequence[Row], names: Sequence[str]) -> None
             f"{100 * o.residual:.2f}",
             "" if share is None else f"{share:.2f}",
             f"{100 * o.residual_measured:.2f}",
-            f"{1e3 * o.settling_s:.0f}" if math.isfinite(o.settling_s) else "never",
+            f"{1e3 * o.settled_s:.0f}" if math.isfinite(o.settled_s) else "never",
             f"{100 * o.speed_error:.2f}",
             f"{o.overshoot_deg:.3f}",
             f"{o.final_error_deg:.3f}".replace("-0.000", "0.000"),
             f"{o.peak_torque_n_m:.3f}",
             f"{o.rms_torque_n_m:.3f}",
+            f"{o.rest_torque_n_m:.3f}",
         )
         table.add_row(*cells)
         last = here
     wide.print(table)
-    for line in LEGEND + (LOST if file is None else ()):
-        out.print(line, style="dim")
-    for name in names[1:]:
-        out.print(_verdict(name, names[0], rows))
+    out.print("\n".join(LEGEND), style="dim")
+
+
+def _verdict(facts: Mapping[str, Facts], rows: Sequence[Row]) -> tuple[str, list[str]]:
+    """bad: nothing arrived; doubtful: something did not, or is unstable where it should be stable."""
+    reasons = [f"{name} is unstable on the joint believed in" for name, found in facts.items() if not found.stable]
     for row in rows:
-        if not row.outcome.arrived:
-            off = f"{row.outcome.final_error_deg:.3g}° off"
-            out.print(f"{row.controller} did not arrive: truth {row.truth}, {row.title}, {off}", style="red")
+        o = row.outcome
+        if not o.arrived:
+            why = f", its torque at the limit for {o.at_limit_s:.3g} s" if o.at_limit_s else ""
+            where = f"truth {row.truth}, {row.title}"
+            reasons.append(f"{row.controller} did not arrive: {where}, {o.final_error_deg:.3g}° off{why}")
+    if not any(row.outcome.arrived for row in rows):
+        return "bad", reasons
+    return "doubtful" if reasons else "good", reasons
 
 
-def _verdict(name: str, first: str, rows: Sequence[Row]) -> str:
+def _print_verdict(rows: Sequence[Row], names: Sequence[str], facts: Mapping[str, Facts], reasons: Sequence[str]) -> None:
+    for name in names[1:]:
+        if facts[name].stable and facts[names[0]].stable:
+            out.print(_ranking(name, names[0], rows))
+    for reason in reasons:
+        out.print(reason, style="red")
+
+
+def _ranking(name: str, first: str, rows: Sequence[Row]) -> str:
     shares = [share for row in rows if row.controller == name and (share := _share(row, rows)) is not None]
-    less = sum(share < 1.0 for share in shares)
     if not shares:
         return f"{name}: nothing to compare with {first}"
-    span = f"{min(shares):.2f} to {max(shares):.2f} of it"
-    return f"{name} leaves less vibration than {first} in {less} of {len(shares)} moves: {span}"
+    less = sum(share < 1.0 for share in shares)
+    return f"{name} leaves less than {first} in {less} of {len(shares)} moves: {min(shares):.2f} to {max(shares):.2f} of it"

@@ -14,6 +14,8 @@ from rig.errors import RunFailed
 from rig.servo.setpoint import Controller, Setpoint
 
 SETTLED = 0.01  # of the largest reference speed
+QUIET = 0.2  # of a run's samples after the move: its end, where the torque is that of rest
+AT_LIMIT = 0.999  # of the limit: torque there is limited
 ARRIVED = 0.01  # of the move: a load farther than this from its goal has not arrived
 
 
@@ -90,13 +92,15 @@ class Outcome(NamedTuple):
 
     residual: float  # share of the largest reference speed
     residual_measured: float  # the same by the accelerometer
-    settling_s: float  # after the end of the move until |speed| stays below SETTLED of the largest one; inf if never
+    settled_s: float  # from the end of the move as asked until |speed| stays below SETTLED of the largest one; inf if never
     speed_error: float  # rms of move and watch against the move as asked, share likewise
     overshoot_deg: float  # of the load beyond the goal
     final_error_deg: float  # of the load beyond the goal, at the end of the watch
     arrived: bool  # within ARRIVED of the move
     peak_torque_n_m: float
     rms_torque_n_m: float  # over the move
+    rest_torque_n_m: float  # rms over the end of the watch: what the encoder's steps, or friction, keep the loop doing
+    at_limit_s: float  # for how long the torque was all there is
 
 
 def run(
@@ -137,8 +141,8 @@ def run(
     )
 
 
-def outcome(recording: Recording, late_s: float = 0.0) -> Outcome:
-    """Figures of a run whose reference moves, under a controller that is meant to be late_s later."""
+def outcome(recording: Recording, late_s: float = 0.0, torque_limit_n_m: float = math.inf) -> Outcome:
+    """Figures of a run whose reference moves, under a controller that is meant to be late_s later, with a torque limit."""
     r = recording
     after, moving = r.t_s >= r.end_s + late_s, (r.t_s >= 0.0) & (r.t_s < r.end_s + late_s)
     fastest, goal = float(np.abs(r.reference_rad_s).max()), float(r.reference_rad[-1])
@@ -146,13 +150,15 @@ def outcome(recording: Recording, late_s: float = 0.0) -> Outcome:
     return Outcome(
         residual=float(np.abs(r.load_rad_s[after]).max()) / fastest,
         residual_measured=float(np.abs(r.measured_rad_s[after]).max()) / fastest,
-        settling_s=_settling_s(r.t_s[after] - r.end_s - late_s, np.abs(r.load_rad_s[after]) > SETTLED * fastest),
+        settled_s=_settled_s(r.t_s[after] - r.end_s, np.abs(r.load_rad_s[after]) > SETTLED * fastest),
         speed_error=float(np.sqrt(np.mean((r.load_rad_s - r.reference_rad_s)[r.t_s >= 0.0] ** 2))) / fastest,
         overshoot_deg=math.degrees(max(0.0, float(beyond.max()))),
         final_error_deg=math.degrees(float(beyond[-1])),
         arrived=bool(abs(beyond[-1]) <= ARRIVED * abs(goal)),
         peak_torque_n_m=float(np.abs(r.torque_n_m).max()),
         rms_torque_n_m=float(np.sqrt(np.mean(r.torque_n_m[moving] ** 2))),
+        rest_torque_n_m=float(np.sqrt(np.mean(r.torque_n_m[-max(1, int(QUIET * np.count_nonzero(after))) :] ** 2))),
+        at_limit_s=float(np.count_nonzero(np.abs(r.torque_n_m) >= AT_LIMIT * torque_limit_n_m) * (r.t_s[1] - r.t_s[0])),
     )
 
 
@@ -163,12 +169,11 @@ def _hold(bench: Bench, torque_n_m: float, period_s: float) -> None:
         raise RunFailed(f"the bench stopped: {error}") from None
 
 
-def _settling_s(t_s: FloatArray, moves: NDArray[np.bool_]) -> float:
+def _settled_s(t_s: FloatArray, moves: NDArray[np.bool_]) -> float:
     """The first instant from which it moves no more."""
     last = np.flatnonzero(moves)
-    if not last.size:
-        return 0.0
-    return float(t_s[last[-1] + 1]) if last[-1] + 1 < t_s.size else math.inf
+    first = last[-1] + 1 if last.size else 0
+    return float(t_s[first]) if first < t_s.size else math.inf
 
 
 def _speed(acceleration_rad_s2: FloatArray, period_s: float, before: int) -> FloatArray:

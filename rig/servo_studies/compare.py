@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 from typing import Any, NamedTuple
 
 from planners.errors import unknown_name
 from planners.trajectory import Trajectory
+from rig.errors import ConfigError
 from rig.runtime import bench
 from rig.servo.loops import Facts
 from rig.servo.wiring import position_loop
 from rig.servo_studies.bench_run import Outcome, Recording, outcome, run
 from rig.servo_studies.controllers import CONTROLLERS, Drive
 from rig.servo_studies.spec import ServoSpec
+
+MOST_SAMPLES = 2_000_000  # some minutes
 
 
 class Row(NamedTuple):
@@ -55,6 +59,7 @@ def compare(spec: ServoSpec, truths: Sequence[str], controllers: Sequence[str]) 
     bench.elastic_joint(spec.bench, spec.seed)
     for truth in truths:
         bench.elastic_joint(tables[truth], spec.seed, f"truth.{truth}")
+    _check_work(spec, truths, drives)
     order = product(truths, range(len(paths)), controllers)
     return (_run(spec, truth, tables[truth], move, paths[move], name, drives[name]) for truth, move, name in order)
 
@@ -70,4 +75,18 @@ def _run(spec: ServoSpec, truth: str, table: dict[str, Any], move: int, path: Tr
         rest_s=spec.rest_s,
         watch_s=drive.late_s + spec.watch_s,
     )
-    return Row(truth, move + 1, spec.move[move].title, name, drive.late_s, outcome(recording, drive.late_s), recording)
+    limit = min(spec.drive.torque_limit_n_m, table.get("torque_limit_n_m", math.inf))
+    found = outcome(recording, drive.late_s, limit)
+    return Row(truth, move + 1, spec.move[move].title, name, drive.late_s, found, recording)
+
+
+def _check_work(spec: ServoSpec, truths: Sequence[str], drives: Mapping[str, Drive]) -> None:
+    """Raises ConfigError for more samples than anybody waits for."""
+    around = spec.rest_s + spec.watch_s
+    seconds = len(truths) * sum(around + move.time_s + drive.late_s for move in spec.move for drive in drives.values())
+    samples, slower_s = seconds / spec.drive.period_s, seconds / MOST_SAMPLES
+    if samples > MOST_SAMPLES:
+        raise ConfigError(
+            f"[drive] period_s = {spec.drive.period_s:g} makes {samples:.3g} samples of {seconds:.3g} s on the bench; must be "
+            f"<= {MOST_SAMPLES:.0g}, some minutes: sample every {slower_s:.2g} s or slower, or name fewer truths or controllers"
+        )

@@ -1,4 +1,4 @@
-"""The picture of a comparison: speed of the load, what is left after the move, and torque; a move a column."""
+"""The picture of a comparison: speed of the load, its error, a close look after the move, and torque; a move a column."""
 
 from __future__ import annotations
 
@@ -9,24 +9,30 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rig.servo_studies.compare import Row
+from rig.servo_studies.shaping_figure import BARE, COLOURS, GREY
 
-COLOURS = ("#c62828", "#1565c0", "#2e7d32", "#ef6c00", "#6a1b9a", "#00838f", "#5d4037")
-GREY = "#757575"
+BEFORE_S = 0.03  # shown before a move, and before its end in the close look
+AFTER_S = 0.2  # shown after its end in the close look
+LABELS = (
+    "speed of the load [°/s]",
+    "its error [% of the top speed]",
+    "after the move [% of the top speed]",
+    "motor torque [N m]",
+)
 
 
 def draw_comparison(rows: Sequence[Row]) -> Figure:
-    """Rows of one truth; every controller in one colour."""
+    """Rows of one truth; every controller in a colour of its own."""
     moves = sorted({row.move for row in rows})
-    names = list(dict.fromkeys(row.controller for row in rows))
-    figure = Figure(figsize=(4.6 * len(moves) + 1.0, 9.5), layout="constrained")
-    panels = figure.subplots(3, len(moves), sharey="row", sharex="col", squeeze=False)
+    colours = dict(zip(dict.fromkeys(row.controller for row in rows), (BARE, *COLOURS), strict=False))
+    figure = Figure(figsize=(4.6 * len(moves) + 1.0, 12.0), layout="constrained")
+    panels = figure.subplots(len(LABELS), len(moves), sharey="row", squeeze=False)
     for column, move in enumerate(moves):
         chosen = [row for row in rows if row.move == move]
-        _column(list(panels[:, column]), chosen, names)
+        _column(list(panels[:, column]), chosen, colours)
         panels[0, column].set_title(f"{move}: {chosen[0].title}", fontsize=11)
-        panels[2, column].set_xlabel("time [s]")
-    labels = ("speed of the load [°/s]", "its error [% of the top speed]", "motor torque [N m]")
-    for panel, label in zip(panels[:, 0], labels, strict=True):
+        panels[-1, column].set_xlabel("time [s]")
+    for panel, label in zip(panels[:, 0], LABELS, strict=True):
         panel.set_ylabel(label)
     handles, words = panels[0, 0].get_legend_handles_labels()
     figure.legend(handles, words, loc="outside lower center", ncols=len(words), frameon=False)
@@ -34,17 +40,22 @@ def draw_comparison(rows: Sequence[Row]) -> Figure:
     return figure
 
 
-def _column(panels: Sequence[Axes], rows: Sequence[Row], names: Sequence[str]) -> None:
+def _column(panels: Sequence[Axes], rows: Sequence[Row], colours: dict[str, str]) -> None:
     r = rows[0].recording
-    panels[0].plot(r.t_s, np.degrees(r.reference_rad_s), color=GREY, lw=1.2, ls="--", label="asked")
+    panels[0].plot(r.t_s, np.degrees(r.reference_rad_s), color=GREY, lw=1.2, ls="--", label="reference")
     for row in rows:
-        r, colour = row.recording, COLOURS[names.index(row.controller) % len(COLOURS)]
-        top = float(np.abs(r.reference_rad_s).max())
+        r, colour = row.recording, colours[row.controller]
+        percent = 100.0 / float(np.abs(r.reference_rad_s).max())
+        near = (r.t_s >= r.end_s - BEFORE_S) & (r.t_s <= r.end_s + AFTER_S)
         panels[0].plot(r.t_s, np.degrees(r.load_rad_s), color=colour, lw=1.3, label=row.controller)
-        panels[1].plot(r.t_s, 100.0 * (r.load_rad_s - r.reference_rad_s) / top, color=colour, lw=1.3)
-        panels[2].step(r.t_s, r.torque_n_m, color=colour, lw=1.0, where="post")
-    for panel in panels:
-        panel.axvspan(0.0, r.end_s, color="#00000010", lw=0)
+        panels[1].plot(r.t_s, percent * (r.load_rad_s - r.reference_rad_s), color=colour, lw=1.3)
+        panels[2].plot(r.t_s[near], percent * r.load_rad_s[near], color=colour, lw=1.5)
+        panels[3].step(r.t_s, r.torque_n_m, color=colour, lw=1.0, where="post")
+    ends = [(-BEFORE_S, float(r.t_s[-1]))] * 2 + [(r.end_s - BEFORE_S, r.end_s + AFTER_S), (-BEFORE_S, float(r.t_s[-1]))]
+    for panel, (low, high) in zip(panels, ends, strict=True):
+        panel.axvspan(max(0.0, low), r.end_s, color="#00000010", lw=0)
+        panel.set_xlim(low, high)
         panel.axhline(0.0, color=GREY, lw=0.6)
         panel.grid(alpha=0.25)
         panel.spines[["top", "right"]].set_visible(False)
+    panels[2].set_ylim(-12.0, 12.0)

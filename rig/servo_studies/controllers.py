@@ -28,11 +28,14 @@ SETTLED = 1e-3  # of a step: what a filter may still have to go when it counts a
 
 
 class Drive(NamedTuple):
-    """A controller, by how much it is meant to be later than its setpoint, and what of it is within the loop if not all is."""
+    """A controller, by how much it is meant to be later than its setpoint, what of it is within the loop if not all is, and
+    how it was tuned.
+    """
 
     controller: Controller
     late_s: float = 0.0
     within: Controller | None = None
+    note: str = ""
 
     @property
     def loop(self) -> Any:
@@ -77,7 +80,8 @@ def pid_notch(spec: ServoSpec) -> Drive:
     cascade = _cascade(spec)
     pair = _least_damped("pid_notch", cascade.speed_loop(spec.joint))
     notch = Notch.tuned_to(pair, spec.helpers.notch_damping)
-    return Drive(CascadeController(cascade, spec.drive.period_s, notch, "upstream"))
+    note = f"a notch at {pair.frequency_rad_s:.1f} rad/s, damping {pair.damping:.3f}, upstream of the speed loop"
+    return Drive(CascadeController(cascade, spec.drive.period_s, notch, "upstream"), note=note)
 
 
 def pid_observer(spec: ServoSpec) -> Drive:
@@ -85,7 +89,8 @@ def pid_observer(spec: ServoSpec) -> Drive:
     low_pass = LowPass(time_constant_s=spec.helpers.observer_time_s)
     observer = ObserverDesign(low_pass=low_pass, nominal=Nominal.motor_alone(spec.joint))
     inner = CascadeController(_cascade(spec), spec.drive.period_s)
-    return Drive(Compensated(inner, DisturbanceObserver(observer, spec.drive.period_s), spec.drive.torque_limit_n_m))
+    compensated = Compensated(inner, DisturbanceObserver(observer, spec.drive.period_s), spec.drive.torque_limit_n_m)
+    return Drive(compensated, note=f"T_f = {1e3 * spec.helpers.observer_time_s:g} ms, the motor alone as nominal")
 
 
 def pid_shaped(spec: ServoSpec) -> Drive:
@@ -94,7 +99,10 @@ def pid_shaped(spec: ServoSpec) -> Drive:
     pair = _least_damped("pid_shaped", cascade.position_loop(spec.joint))
     shaper = design(spec.helpers.shaper, [pair], period_s)
     inner = CascadeController(cascade, period_s)
-    return Drive(Shaped(ShapedSetpoint(shaper, period_s), inner), float(shaper.times_s[-1]))
+    note = (
+        f"{spec.helpers.shaper} for {pair.frequency_rad_s:.1f} rad/s, damping {pair.damping:.3f}, the position loop's own pair"
+    )
+    return Drive(Shaped(ShapedSetpoint(shaper, period_s), inner), float(shaper.times_s[-1]), note=note)
 
 
 def assigned(spec: ServoSpec) -> Drive:
@@ -114,7 +122,8 @@ def lqg_ff(spec: ServoSpec) -> Drive:
     """The same with the feed-forward pair C1, C2: the load follows the filter F0."""
     load_filter = LoadFilter.binomial(least_degree(spec.joint), spec.lqg.corner_rad_s)
     controller = _state_space(spec, *_optimal(spec), "dynamic", load_filter)
-    return Drive(controller, _settling_s(load_filter), lqg(spec).controller)
+    note = f"F0 = 1 / (1 + s / {spec.lqg.corner_rad_s:g})^{load_filter.relative_degree}"
+    return Drive(controller, _settling_s(load_filter), lqg(spec).controller, note)
 
 
 CONTROLLERS: dict[str, Callable[[ServoSpec], Drive]] = {

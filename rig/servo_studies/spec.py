@@ -136,7 +136,7 @@ class ServoSpec(Section, frozen=True, kw_only=True):
     rest_s: Annotated[float, Meta(ge=0.01, le=60)] = (
         0.2  # before each move, for the accelerometer's bias; the bench begins here
     )
-    watch_s: Annotated[float, Meta(gt=0, le=60)] = 0.5
+    watch_s: Annotated[float, Meta(ge=0.05, le=60)] = 0.5
 
     def __post_init__(self) -> None:
         for number, move in enumerate(self.move):
