@@ -30,7 +30,7 @@ class Loop(NamedTuple):
 
     @property
     def facts(self) -> Facts:
-        """Of a continuous loop: poles (hidden ones too), zeros of the main channel, margins at the plant's input, condition."""
+        """Poles (hidden ones too), zeros of the main channel, margins at the plant's input, condition of the eigenvectors."""
         return facts(self.opened, self.closed[self.output, self.setpoint])
 
     @property
