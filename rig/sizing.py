@@ -28,7 +28,7 @@ from rig.errors import ConfigError
 from rig.motors import MotorSection
 
 T = TypeVar("T")
-EXAMPLES = ("appendix",)  # the worked axis of source 004, appendix C
+EXAMPLES = ("appendix",)  # the worked axis of source 004, appendix C; NAME_published.toml has what the source prints of it
 
 
 class AxisSection(Section, frozen=True, kw_only=True):
@@ -163,7 +163,7 @@ def example_tables(name: str) -> dict[str, Any]:
     """The tables of a shipped spec. Raises PlanError for a name not in EXAMPLES."""
     if name not in EXAMPLES:
         raise unknown_name("--example", name, EXAMPLES)
-    return _shipped(name)
+    return _shipped(name) | _shipped(f"{name}_published")
 
 
 def sizing_of(tables: dict[str, Any]) -> Sizing:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from planners.drives.screw.axis import Axis
 from planners.drives.screw.checks import AllowedSpeed, allowed_speed, assess
 from planners.drives.screw.cycle import Cycle
 from planners.drives.screw.table import Row, table
@@ -18,57 +17,64 @@ class Judgement(NamedTuple):
 
     sizing: Sizing
     found: list[Assessment]
-    chosen: Assessment | None  # that of the choice
-    judged: Assessment | None  # the choice, without one the best that fits
-    figures: dict[str, float]
+    judged: Assessment  # the choice, without one the first
+    figures: dict[str, float]  # of axis and judged one
     motion: list[Row]  # of the judged one
     printed: list[Comparison]
 
     @property
-    def admissible(self) -> bool:
-        """Whether the choice breaks nothing; without one, whether there is a screw that does."""
-        return self.judged is not None and self.judged.admissible
+    def chosen(self) -> Assessment | None:
+        """That of the choice."""
+        return self.judged if self.sizing.choice else None
 
     @property
-    def allowed(self) -> AllowedSpeed | None:
+    def criterion(self) -> str:
+        """Why that one is judged."""
+        if self.chosen:
+            return "choice"
+        return "told in full first, then greatest least margin" if self.fitting else "greatest least margin"
+
+    @property
+    def admissible(self) -> bool:
+        """Whether the judged screw breaks nothing."""
+        return self.judged.admissible
+
+    @property
+    def fitting(self) -> int:
+        """How many of the catalogue break nothing."""
+        return sum(a.admissible for a in self.found)
+
+    @property
+    def allowed(self) -> AllowedSpeed:
         """The speed that the judged screw can have, and what sets it."""
-        return allowed_speed(self.sizing.axis, self.judged) if self.judged else None
+        return allowed_speed(self.sizing.axis, self.judged)
 
     @property
     def verdict(self) -> str:
         """One of "good", "doubtful" while something that is asked cannot be decided, "bad"."""
         if not self.admissible:
             return "bad"
-        does = [self.chosen] if self.chosen else [a for a in self.found if a.admissible]
-        return "doubtful" if all(a.undecided for a in does) else "good"
+        return "doubtful" if self.judged.undecided else "good"
 
     @property
     def reasons(self) -> list[str]:
         """Of a verdict that is not good, with value, bound and next step."""
-        if self.chosen:
-            return [check.reason for check in (*self.chosen.broken, *self.chosen.undecided)]
-        return [] if self.judged else ["no entry of the catalogue fits; must be at least one: add entries, or ask for less"]
+        nothing = f"0 of {len(self.found)} entries of the catalogue fit; must be at least one: add entries, or ask for less"
+        return [
+            *([] if self.chosen or self.fitting else [nothing]),
+            *(check.reason for check in (*self.judged.broken, *self.judged.undecided)),
+        ]
 
 
 def judge(sizing: Sizing) -> Judgement:
     """Assess the catalogue. Raises PlanError and ConfigError for published figures that cannot be compared."""
     axis = sizing.axis
     found = sorted((assess(axis, candidate) for candidate in sizing.catalogue.values()), key=lambda a: a.rank)
-    chosen = next((a for a in found if a.candidate is sizing.choice), None)
-    judged = chosen or next((a for a in found if a.admissible), None)
-    motion = _motion(axis, judged) if judged else []
-    figures = axis_figures(axis) | (screw_figures(axis, judged) if judged else {})
-    return Judgement(sizing, found, chosen, judged, figures, motion, _printed(sizing, chosen or found[0], chosen is None))
-
-
-def _printed(sizing: Sizing, a: Assessment, without_choice: bool) -> list[Comparison]:
-    if not sizing.published:
-        return []
-    axis = sizing.axis
-    of_screw = screw_figures(axis, a) | cell_figures(_motion(axis, a))
-    if without_choice:
-        return compare(sizing.published, axis_figures(axis), of_screw)
-    return compare(sizing.published, axis_figures(axis) | of_screw)
+    judged = next((a for a in found if a.candidate is sizing.choice), found[0])
+    motion = table(axis.cycle, axis.load, axis.drive(judged.candidate), judged.screw)
+    of_axis, of_screw = axis_figures(axis), screw_figures(axis, judged)
+    printed = compare(sizing.published, of_axis, of_screw | cell_figures(motion), chosen=sizing.choice is not None)
+    return Judgement(sizing, found, judged, of_axis | of_screw, motion, printed)
 
 
 def document(result: Judgement) -> dict[str, object]:
@@ -78,21 +84,18 @@ def document(result: Judgement) -> dict[str, object]:
         "verdict": result.verdict,
         "reasons": result.reasons,
         "choice": chosen.candidate.name if chosen else None,
-        "judged": judged.candidate.name if judged else None,
-        "admissible": chosen.admissible if chosen else None,
-        "checks": [_check(check) for check in judged.checks] if judged else [],
-        "allowed_speed_m_s": allowed.speed_m_s if allowed else None,
-        "allowed_by": allowed.check if allowed else None,
-        "moves": _moves(result.sizing.axis.cycle, allowed.speed_m_s if allowed else None),
+        "judged": judged.candidate.name,
+        "criterion": result.criterion,
+        "admissible": result.admissible,
+        "checks": [_check(check) for check in judged.checks],
+        "allowed_speed_m_s": allowed.speed_m_s,
+        "allowed_by": allowed.check,
+        "moves": _moves(result.sizing.axis.cycle, allowed.speed_m_s),
         "motion": [row._asdict() for row in result.motion],
         "figures": result.figures,
         "catalogue": [_entry(a) for a in result.found],
         "published": [{**row._asdict(), "differs": row.differs} for row in result.printed],
     }
-
-
-def _motion(axis: Axis, a: Assessment) -> list[Row]:
-    return table(axis.cycle, axis.load, axis.drive(a.candidate), a.screw)
 
 
 def _check(check: Check) -> dict[str, object]:
@@ -109,7 +112,7 @@ def _check(check: Check) -> dict[str, object]:
     }
 
 
-def _moves(cycle: Cycle, allowed: float | None) -> list[dict[str, object]]:
+def _moves(cycle: Cycle, allowed_m_s: float) -> list[dict[str, object]]:
     return [
         {
             "stroke_m": move.stroke_m,
@@ -117,7 +120,7 @@ def _moves(cycle: Cycle, allowed: float | None) -> list[dict[str, object]]:
             "time_s": move.time_s,
             "rest_s": move.rest_s,
             "peak_speed_m_s": move.peak_speed_m_s,
-            "allowed_time_s": None if allowed is None else move.time_at(allowed),
+            "allowed_time_s": move.time_at(allowed_m_s),
         }
         for move in cycle.moves
     ]

@@ -33,14 +33,14 @@ COLOURS = {
 CALM, BAD, INK = "#2e7d32", "#c62828", "#1a237e"
 
 
-def draw_region(axis: Axis, found: Sequence[Assessment], choice: Assessment | None) -> Figure:
+def draw_region(axis: Axis, found: Sequence[Assessment], judged: Assessment) -> Figure:
     """Leads over diameters: a line for each limit, the admissible region shaded, screws that do and those that do not.
 
-    found has at least one assessment; the lines of the balls and of life are those of the choice's nut.
+    judged is one of those found; the lines of the balls and of life are those of its nut.
     """
     figure = Figure(figsize=(11.0, 7.5), layout="constrained")
     panel = figure.subplots()
-    need, nut = axis.demand, choice.candidate if choice else None
+    need, nut = axis.demand, judged.candidate
     least = absolute_least_lead(axis.mounting, need.peak_speed_m_s, axis.shares.whirl, axis.balls_m_rpm(nut))
     right = ROOM * max(least.diameter_m, *(a.candidate.diameter_m for a in found))
     top = ROOM * max(least.lead_m, *(a.candidate.lead_m for a in found))
@@ -49,9 +49,9 @@ def draw_region(axis: Axis, found: Sequence[Assessment], choice: Assessment | No
     panel.plot(MM * least.diameter_m, MM * least.lead_m, "*", ms=13, color=INK, label="least lead of all", zorder=4)
     panel.set_xlim(0.0, MM * right)
     panel.set_ylim(0.0, MM * top)
-    _screws(panel, found, choice)
-    named = [a for a in found if a is choice or _inside(axis, a, choice)]
-    notes += _told(sorted((a for a in named if a.broken), key=lambda a: a is not choice))
+    _screws(panel, found, judged)
+    named = [a for a in found if a is judged or _inside(axis, a, judged)]
+    notes += _told(sorted((a for a in named if a.broken), key=lambda a: a is not judged))
     panel.set_xlabel("diameter d [mm]")
     panel.set_ylabel("lead p [mm]")
     panel.grid(alpha=0.25)
@@ -98,7 +98,7 @@ def _off(line: Line, kept: bool) -> str:
     return f"{line.name}: off the chart, kept {'everywhere' if kept else 'nowhere'}"
 
 
-def _screws(panel: Axes, found: Sequence[Assessment], choice: Assessment | None) -> None:
+def _screws(panel: Axes, found: Sequence[Assessment], judged: Assessment) -> None:
     told = [a for a in found if a.admissible and not a.undecided]
     open_ones = [a for a in found if a.admissible and a.undecided]
     for group, mark, inside, colour, label in (
@@ -109,9 +109,8 @@ def _screws(panel: Axes, found: Sequence[Assessment], choice: Assessment | None)
         if group:
             d, p = zip(*((MM * a.candidate.diameter_m, MM * a.candidate.lead_m) for a in group), strict=True)
             panel.plot(d, p, mark, ms=7, mew=1.6, mfc=inside, mec=colour, label=label, zorder=3)
-    if choice:
-        at = MM * choice.candidate.diameter_m, MM * choice.candidate.lead_m
-        panel.plot(*at, "D", ms=14, mfc="none", mew=1.6, color=INK, label="the choice", zorder=4)
+    at = MM * judged.candidate.diameter_m, MM * judged.candidate.lead_m
+    panel.plot(*at, "D", ms=14, mfc="none", mew=1.6, color=INK, label="the one judged", zorder=4)
 
 
 def _told(broken: Sequence[Assessment]) -> list[str]:
@@ -120,7 +119,7 @@ def _told(broken: Sequence[Assessment]) -> list[str]:
     return [f"{a.candidate.name} breaks\n  " + "\n  ".join(check.name for check in a.broken) for a in broken[:TOLD]] + rest
 
 
-def _inside(axis: Axis, a: Assessment, choice: Assessment | None) -> bool:
+def _inside(axis: Axis, a: Assessment, judged: Assessment) -> bool:
     """Whether a screw lies within the region."""
-    here = region(axis, np.array([a.candidate.diameter_m]), choice.candidate if choice else None)
+    here = region(axis, np.array([a.candidate.diameter_m]), judged.candidate)
     return bool(here.low_m[0] <= a.candidate.lead_m <= here.high_m[0])

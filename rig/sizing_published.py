@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from decimal import Decimal, InvalidOperation
 from typing import NamedTuple
@@ -129,18 +129,14 @@ def cell_figures(rows: Sequence[Row]) -> dict[str, float]:
 
 
 def compare(
-    published: dict[str, PublishedFigure], figures: dict[str, float], of_screw: Collection[str] = ()
+    published: dict[str, PublishedFigure], of_axis: dict[str, float], of_screw: dict[str, float], *, chosen: bool
 ) -> list[Comparison]:
-    """Printed and right figures side by side.
+    """Printed and right figures side by side; those of a screw only where it is chosen.
 
-    Raises PlanError for a name of none, ConfigError for digits that are none and for a figure that only a choice would have.
+    Raises PlanError for a name of none, ConfigError for digits that are none.
     """
-    rows = []
+    rows, figures = [], of_axis | of_screw
     for name, figure in published.items():
-        if name not in figures and name in of_screw:
-            raise ConfigError(
-                f'[published] {name} without a choice; must have one, as it is a screw\'s: add choice = "...", or leave it out'
-            )
         if name not in figures:
             raise unknown_name("[published]", name, figures)
         try:
@@ -151,5 +147,6 @@ def compare(
             raise ConfigError(
                 f"[published] {name} printed = {figure.printed!r}; must be the digits of a number: as in '4.07e3'"
             )
-        rows.append(Comparison(name, figure.printed, figures[name], figure.reason))
+        if chosen or name in of_axis:
+            rows.append(Comparison(name, figure.printed, figures[name], figure.reason))
     return rows

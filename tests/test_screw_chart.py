@@ -26,7 +26,7 @@ def chart():
     @cache
     def draw(axis=AXIS, choice=SIZING.choice, entries=ENTRIES):
         found = [assess(axis, candidate) for candidate in entries]
-        figure = draw_region(axis, found, next((a for a in found if a.candidate is choice), None))
+        figure = draw_region(axis, found, next(a for a in found if a.candidate is choice))
         return figure.axes[0], found
 
     return draw
@@ -86,10 +86,10 @@ def test_every_screw_is_a_mark_that_says_whether_it_fits(chart):
     panel, found = chart()
     assert points_of(panel, "does not fit") == sizes_of([a for a in found if a.broken])
     assert points_of(panel, "fits as far as is told") == sizes_of([a for a in found if a.admissible])
-    assert points_of(panel, "the choice") == [(20.0, 20.0)]
-    told, all_told = chart(replace(AXIS, wishes=Wishes()), choice=None)
+    assert points_of(panel, "the one judged") == [(20.0, 20.0)]
+    told, all_told = chart(replace(AXIS, wishes=Wishes()), choice=SIZING.catalogue["25x25"])
     assert points_of(told, "screw that fits") == sizes_of([a for a in all_told if a.admissible])
-    assert "the choice" not in legend_of(told)
+    assert points_of(told, "the one judged") == [(25.0, 25.0)]
     marks = {line.get_label(): line.get_marker() for line in panel.lines}
     assert (marks["does not fit"], marks["fits as far as is told"]) == ("x", "o")
 
@@ -143,6 +143,6 @@ def test_what_a_named_screw_breaks_stands_beside_the_chart(chart):
 def test_no_more_than_a_few_screws_are_told_beside_the_chart(chart):
     weak = replace(AXIS.motor, continuous_torque_n_m=1e-3)
     entries = tuple(replace(SIZING.choice, name=f"no. {k}", diameter_m=0.022 + 1e-3 * k, lead_m=0.04) for k in range(TOLD + 4))
-    panel, _ = chart(replace(AXIS, motor=weak), choice=None, entries=entries)
+    panel, _ = chart(replace(AXIS, motor=weak), choice=entries[0], entries=entries)
     assert written_on(panel).count("breaks") == TOLD
     assert "and 4 more" in written_on(panel)

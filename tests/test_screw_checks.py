@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 
 from planners.drives.ball_screw import Mounting
 from planners.drives.motor import Motor
+from planners.drives.screw import digits
 from planners.drives.screw.balls import Balls
 from planners.drives.screw.candidate import Candidate
 from planners.drives.screw.checks import allowed_speed, assess
@@ -21,7 +23,7 @@ from planners.drives.screw.load import AxisLoad
 from planners.drives.screw.region import region
 from planners.drives.screw.supports import SUPPORTS
 from planners.drives.screw.transmission import Transmission
-from planners.drives.screw.verdict import NOT_ASKED, UNDECIDED
+from planners.drives.screw.verdict import NOT_ASKED, UNDECIDED, Check
 from planners.drives.screw.wishes import Shares, Wishes
 from planners.errors import PlanError
 from rig.sizing import example_tables, sizing_of
@@ -53,7 +55,7 @@ def test_the_chosen_unit_is_too_slow_and_too_coarse_and_the_rest_holds():
     assert "must be <= 1 m/s" in reason
     assert "move 1 reaches 1.357 m/s in 0.33 s and needs 0.4478 s; move 2 reaches 1.299 m/s" in reason
     assert "move 3" not in reason
-    assert "ISO 7 is coarser than ISO 5" in checks["lead class"].reason
+    assert "lead class 52 µm per 300 mm; must be <= 23 µm per 300 mm: ISO 7 is coarser" in checks["lead class"].reason
     assert checks["whirling"].margin == pytest.approx(4.47e-4, rel=1e-3)
     assert checks["static load"].value == pytest.approx(1.2 * 157.8778, rel=1e-6)
     assert allowed_speed(AXIS, found) == (1.0, "speed of the unit")
@@ -73,7 +75,7 @@ def test_what_the_catalogue_does_not_tell_is_not_decided_and_what_nobody_asks_is
     found = assess(AXIS, bare)
     assert found.admissible
     assert [check.name for check in found.undecided] == ["dynamic load", "life", "lead class"]
-    assert all("ask the maker" in check.reason for check in found.undecided)
+    assert "ask the maker for ISO 5 or a finer one" in found.undecided[2].reason
     asked = {check.name: check.state for check in found.checks}
     assert asked["sag"] == asked["motor power"] == asked["static load"] == asked["speed of the unit"] == NOT_ASKED
     unasked = assess(replace(AXIS, wishes=Wishes()), bare)
@@ -122,8 +124,46 @@ def test_a_class_that_nobody_asks_for_is_told_where_the_table_has_none():
     unasked = replace(AXIS, wishes=Wishes())
     found = by_name(assess(unasked, UNIT))["lead class"]
     assert (found.state, found.value, found.bound) == (NOT_ASKED, pytest.approx(52.0), None)
-    assert found.note == "ISO 7 is outside the table of classes, ISO 1, ISO 3, ISO 5"
+    assert found.note == "ISO 7 is outside the classes that source 004 tabulates, ISO 1, ISO 3, ISO 5"
     assert by_name(assess(unasked, replace(UNIT, lead_class="ISO 3")))["lead class"].note == ""
+
+
+def test_the_dynamic_load_to_ask_for_is_one_that_lasts():
+    bare = Candidate(name="20x20", diameter_m=0.02, lead_m=0.02, origin="a guess", preload_n=580.0)
+    reason = by_name(assess(AXIS, bare))["life"].reason
+    load = float(re.search(r"ask the maker for ([0-9.]+) N or more", reason)[1])
+    assert by_name(assess(AXIS, replace(bare, dynamic_load_n=load)))["life"].state == "kept"
+    assert by_name(assess(AXIS, replace(bare, dynamic_load_n=0.999 * load)))["life"].state == "broken"
+
+
+@pytest.mark.parametrize(
+    ("values", "unit", "told"),
+    [
+        ((4070.5563, 4072.376), "rpm", (["4070.56", "4072.38"], "rpm")),
+        ((4070.5563, 5000.0), "rpm", (["4071", "5000"], "rpm")),
+        ((81.411126, 96.0), "m rpm", (["81410", "96000"], "mm rpm")),
+        ((5.1976e7, None), "N/m", (["51.98", ""], "N/µm")),
+        ((3.34344e-5, 3.34344e-5), "m", (["0.03343", "0.03343"], "mm")),
+        ((math.inf, 1.402271e7), "h", (["inf", "1.402e+07"], "h")),
+    ],
+)
+def test_numbers_have_four_digits_unless_those_hide_a_difference_and_the_units_of_the_field(values, unit, told):
+    assert digits.shown(values, unit) == told
+
+
+def test_a_margin_is_a_share_of_the_bound_whichever_side_is_the_safe_one():
+    for value, margin in ((50.0, 0.5), (100.0, 0.0), (130.0, -0.3)):
+        assert Check("", value, 100.0, "").margin == pytest.approx(margin)
+        assert Check("", 200.0 - value, 100.0, "", at_least=True).margin == pytest.approx(margin)
+
+
+def test_what_is_told_in_full_ranks_before_what_fits_as_far_as_is_told():
+    loose = replace(AXIS, wishes=Wishes(life_h=1000.0))
+    told = assess(loose, replace(UNIT, speed_m_s=None))
+    bare = assess(loose, replace(UNIT, speed_m_s=None, lead_m=0.025, dynamic_load_n=None))
+    refused = assess(loose, UNIT)
+    assert told.tightest.margin < bare.tightest.margin
+    assert sorted((refused, bare, told), key=lambda a: a.rank) == [told, bare, refused]
 
 
 def test_what_fits_ranks_before_what_does_not_and_a_better_margin_before_a_worse_one():
@@ -149,7 +189,9 @@ def test_classes_are_ordered_and_the_table_covers_half_a_metre():
         assert travel_deviation_m(name, 0.5) is not None
         assert travel_deviation_m(name, 0.5001) is None
     assert travel_deviation_m("ISO 7", 0.1) is None
-    with pytest.raises(PlanError, match="lead_class = 'ISO 8'; did you mean 'ISO"):
+    with pytest.raises(
+        PlanError, match="lead_class = 'ISO 8'; must be one of ISO 1, ISO 3, ISO 5, ISO 7, ISO 10, from fine to coarse"
+    ):
         lead_class("ISO 8")
 
 
@@ -243,7 +285,7 @@ def test_a_screw_within_the_region_keeps_every_limit_that_has_a_line(d, p):
         (lambda: Transmission(motor_inertia_kg_m2=-1.0), r"motor_inertia_kg_m2 = -1\.0; must be"),
         (lambda: Shares(whirl=1.5), r"whirl = 1\.5; must be 0\.01 to 1"),
         (lambda: Shares(service_factor=0.5), r"service_factor = 0\.5; must be 1 to 10"),
-        (lambda: Wishes(lead_class="ISO 6"), "lead_class = 'ISO 6'; did you mean 'ISO"),
+        (lambda: Wishes(lead_class="ISO 6"), "lead_class = 'ISO 6'; must be one of ISO 1"),
         (lambda: Wishes(life_h=-1.0), r"life_h = -1\.0; must be"),
         (lambda: Wishes(position_error_m=1e-5), "position_error_m = 1e-05 with angle_error_rad = None; must be both"),
         (lambda: replace(UNIT, dynamic_load_n=0.0), r"dynamic_load_n = 0\.0; must be"),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import textwrap
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -9,7 +11,10 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
+from planners.drives.screw import digits
+from planners.drives.screw.candidate import Candidate
 from planners.drives.screw.cycle import Cycle
+from planners.drives.screw.digits import number
 from planners.drives.screw.limits import absolute_least_lead
 from planners.drives.screw.table import Row
 from planners.drives.screw.verdict import BROKEN, NOT_ASKED, UNDECIDED, Assessment
@@ -22,7 +27,7 @@ from rig.sizing_document import Judgement, document, judge
 from rig.sizing_notes import notes
 from rig.sizing_published import Comparison
 
-LEAST_MARGIN = -10.0  # below, only that it is
+FAR = 10.0  # a margin beyond, of either sign, is only told to be
 WITHOUT_BOUND = {NOT_ASKED: "any", UNDECIDED: "not told"}
 
 
@@ -40,6 +45,7 @@ def size(
     published: Annotated[
         bool, typer.Option("--published", help="Show all figures that a source prints, not only those that are wrong.")
     ] = False,
+    every: Annotated[bool, typer.Option("--all", help="Tell what each refused entry breaks, and by how much.")] = False,
     plot: Annotated[
         Path | None, typer.Option(help="Draw the region of diameters and leads with the catalogue: .svg, .png or .pdf.")
     ] = None,
@@ -47,7 +53,8 @@ def size(
 ) -> int:
     """Size a ball-screw axis: speed, buckling, life, lead, stiffness and motor, with margins; exit 3 when the choice fails.
 
-    Give a SPEC.toml or --example; without a choice in it the catalogue is searched, and exit 3 says that nothing fits.
+    Give a SPEC.toml or --example; without a choice in it the best of the catalogue is judged, the one with the greatest least
+    margin, and exit 3 says that nothing fits.
     """
     sizing = _read(file, example)
     if entry is not None:
@@ -60,11 +67,11 @@ def size(
         from rig import picture_file  # matplotlib takes its time
         from rig.sizing_figure import draw_region
 
-        picture_file.save(draw_region(sizing.axis, result.found, result.chosen), plot)
+        picture_file.save(draw_region(sizing.axis, result.found, result.judged), plot)
     if as_json:
         print_json(document(result))
     else:
-        _print(result, every=published)
+        _print(result, every, published)
     return 0 if result.admissible else REFUSED
 
 
@@ -76,51 +83,69 @@ def _read(file: Path | None, example: str | None) -> Sizing:
     return sizing_of(read_toml(file, "sizing") if file is not None else example_tables(example or ""))
 
 
-def _print(result: Judgement, every: bool) -> None:
+def _print(result: Judgement, every: bool, figures: bool) -> None:
     axis, judged, need = result.sizing.axis, result.judged, result.sizing.axis.demand
     least = absolute_least_lead(axis.mounting, need.peak_speed_m_s, axis.shares.whirl, axis.balls_m_rpm())
-    out.print(
-        f"cycle of {axis.cycle.duration_s:g} s over {need.travel_m:g} m: at most {need.peak_speed_m_s:.6g} m/s, "
-        f"{need.peak_acceleration_m_s2:.6g} m/s², {need.peak_force_n:.6g} N"
+    _say(
+        f"cycle of {axis.cycle.duration_s:g} s over {digits.mm(need.travel_m)}: at most {number(need.peak_speed_m_s)} m/s, "
+        f"{number(need.peak_acceleration_m_s2)} m/s², {number(need.peak_force_n)} N"
     )
-    out.print(f"least lead of all screws: {least.lead_m:.5g} m, at a diameter of {least.diameter_m:.5g} m")
-    if judged:
-        wide.print(_checks(judged, "" if result.chosen else "best that fits: "))
-        wide.print(_motion(result.motion, axis.cycle))
-        for note in notes(axis, judged, result.figures):
-            out.print(note.text, style="dim" if note.dim else "")
-    _print_catalogue(result.found)
+    _say(f"least lead of all screws: {digits.mm(least.lead_m)}, at a diameter of {digits.mm(least.diameter_m)}")
+    wide.print(_checks(judged, _place(result)))
+    _say("margin: how far the value is on the safe side of its bound, over the bound; below 0 it is broken", "dim")
+    wide.print(_motion(result.motion, axis.cycle))
+    for note in notes(axis, judged, result.figures):
+        _say(note.text, "dim" if note.dim else "")
+    _print_catalogue(result, every)
     if result.printed:
-        _print_published([row for row in result.printed if every or row.differs], result.printed)
+        _print_published([row for row in result.printed if figures or row.differs], result.printed)
     _print_verdict(result)
 
 
+def _say(text: str, style: str = "", hang: str = "") -> None:
+    """A paragraph as wide as the terminal, its further lines indented as `hang`."""
+    whole = text.replace("N m", "N\N{NO-BREAK SPACE}m")
+    lines = textwrap.wrap(whole, out.width, subsequent_indent=hang, break_long_words=False, break_on_hyphens=False)
+    out.print("\n".join(lines).replace("\N{NO-BREAK SPACE}", " "), style=style)
+
+
+def _place(result: Judgement) -> str:
+    """How the judged screw was found; empty for a choice."""
+    if result.chosen:
+        return ""
+    return f"best of the {result.fitting} that fit" if result.fitting else f"nearest of {len(result.found)}, of which none fits"
+
+
 def _print_verdict(result: Judgement) -> None:
-    name = f"{result.chosen.candidate.name}: " if result.chosen else ""
+    place = "" if result.chosen else f", {_place(result)} ({result.criterion})"
     words = {"good": "fits", "doubtful": "fits as far as the catalogue tells", "bad": "does not fit"}
-    out.print(f"verdict: {name}{words[result.verdict]}", style=f"{COLOUR[result.verdict]} bold")
+    line = f"verdict: {result.judged.candidate.name}{place}: {words[result.verdict]}"
+    _say(line, f"{COLOUR[result.verdict]} bold", "  ")
     for reason in result.reasons:
-        out.print(f"  - {reason}")
+        _say(f"  - {reason}", hang="    ")
 
 
-def _checks(judged: Assessment, head: str) -> Table:
+def _checks(judged: Assessment, place: str) -> Table:
     candidate = judged.candidate
-    title = f"{head}{candidate.name}: diameter {candidate.diameter_m:g} m, lead {candidate.lead_m:g} m"
+    sizes = f"diameter {digits.mm(candidate.diameter_m)}, lead {digits.mm(candidate.lead_m)}"
+    title = f"{candidate.name}, {place}: {sizes}" if place else f"{candidate.name}: {sizes}"
     view = Table(title=title, title_justify="left")
     for name in ("", "value", "bound", "margin"):
         view.add_column(name, justify="right" if name else "left", no_wrap=True)
     for check in judged.checks:
         untold = "-" if check.state == NOT_ASKED else "not told"
-        value = untold if check.value is None else f"{check.value:.6g} {check.unit}"
-        sign = "≥" if check.at_least else "≤"
-        bound = f"{sign} {check.bound:.6g} {check.unit}" if check.bound is not None else WITHOUT_BOUND[check.state]
-        margin = "" if check.margin is None else _share(check.margin, digits=2)
+        (value, bound), unit = digits.shown((check.value, check.bound), check.unit)
+        value = f"{value} {unit}" if value else untold
+        bound = f"{'≥' if check.at_least else '≤'} {bound} {unit}" if bound else WITHOUT_BOUND[check.state]
+        margin = "" if check.margin is None else _share(check.margin, 2)
         view.add_row(check.name, value, bound, margin, style={BROKEN: "red", UNDECIDED: "yellow"}.get(check.state, ""))
     return view
 
 
-def _share(margin: float, digits: int) -> str:
-    return f"{margin:+.{digits}%}" if margin >= LEAST_MARGIN else f"< {LEAST_MARGIN:.0%}"
+def _share(margin: float, decimals: int) -> str:
+    if abs(margin) > FAR:
+        return f"> {FAR:+.0%}" if margin > 0.0 else f"< {-FAR:.0%}"
+    return f"{margin:+.{decimals}%}"
 
 
 def _motion(rows: Sequence[Row], cycle: Cycle) -> Table:
@@ -140,28 +165,50 @@ def _motion(rows: Sequence[Row], cycle: Cycle) -> Table:
                 row.peak_torque_n_m,
                 row.peak_power_w,
             )
-            view.add_row(f"{row.move}.{row.phase}", *(f"{cell:.5g}" for cell in cells))
+            view.add_row(f"{row.move}.{row.phase}", *(number(cell) for cell in cells))
     return view
 
 
-def _print_catalogue(found: Sequence[Assessment]) -> None:
-    does = sum(a.admissible for a in found)
-    out.print(f"catalogue: {does} of {len(found)} fit (diameter x lead in mm)")
+def _print_catalogue(result: Judgement, every: bool) -> None:
+    found, broken = result.found, [a for a in result.found if a.broken]
+    _say(f"catalogue: {result.fitting} of {len(found)} fit, best first (diameter x lead in mm)")
     pad = max(len(a.candidate.name) for a in found)
-    for a in found:
-        head = f"  {a.candidate.name:<{pad}}  {1e3 * a.candidate.diameter_m:g} x {1e3 * a.candidate.lead_m:g}: "
-        broken = "; ".join(
-            f"{c.name} {c.value:.5g} {'<' if c.at_least else '>'} {c.bound:.5g} {c.unit} ({_share(c.margin or 0.0, 0)})"
-            for c in a.broken
-        )
-        open_ones = ", ".join(c.name for c in a.undecided)
-        margin = a.tightest.margin or 0.0
-        fine = f"tightest is {a.tightest.name}, {_share(margin, 2)}" + (f"; not told: {open_ones}" if open_ones else "")
+    for a in found if every else found[: result.fitting]:
+        head = f"  {a.candidate.name:<{pad}}  {number(1e3 * a.candidate.diameter_m)} x {number(1e3 * a.candidate.lead_m)}: "
         told = "".join(f"; {check.note}" for check in a.checks if check.note and check.state != BROKEN)
-        out.print(head + (f"breaks {broken}" if broken else fine) + told, style="" if broken else "green")
-    for origin in dict.fromkeys(a.candidate.origin for a in found):
-        names = ", ".join(a.candidate.name for a in found if a.candidate.origin == origin)
-        out.print(f"  origin of {names}: {origin}", style="dim")
+        _say(f"{head}{_breaks(a) if a.broken else _leaves(a)}{told}", "" if a.broken else "green", hang="      ")
+    if broken and not every:
+        names = ", ".join(f"{a.candidate.name} ({_briefly(a)})" for a in broken)
+        _say(f"  {len(broken)} do not fit, --all tells by how much: {names}", hang="    ")
+    _print_origins([a.candidate for a in found])
+
+
+def _briefly(a: Assessment) -> str:
+    """What it breaks, in a word or two each."""
+    return ", ".join(dict.fromkeys(check.name.partition(",")[0].removesuffix(" d n") for check in a.broken))
+
+
+def _breaks(a: Assessment) -> str:
+    words = []
+    for check in a.broken:
+        (value, bound), unit = digits.shown((check.value, check.bound), check.unit)
+        words.append(f"{check.name} {value} {'<' if check.at_least else '>'} {bound} {unit} ({_share(check.margin or 0.0, 0)})")
+    return f"breaks {'; '.join(words)}"
+
+
+def _leaves(a: Assessment) -> str:
+    open_ones = ", ".join(check.name for check in a.undecided)
+    return f"tightest is {a.tightest.name}, {_share(a.tightest.margin or 0.0, 2)}" + (
+        f"; not told: {open_ones}" if open_ones else ""
+    )
+
+
+def _print_origins(entries: Sequence[Candidate]) -> None:
+    """Of the few by name, then of all others."""
+    groups = Counter(entry.origin for entry in entries).most_common()
+    for k, (origin, _) in reversed(list(enumerate(groups))):
+        names = ", ".join(entry.name for entry in entries if entry.origin == origin)
+        _say(f"  origin of {names if k else 'all others' if len(groups) > 1 else 'all'}: {origin}", "dim", "    ")
 
 
 def _print_published(printed: Sequence[Comparison], compared: Sequence[Comparison]) -> None:
@@ -174,5 +221,5 @@ def _print_published(printed: Sequence[Comparison], compared: Sequence[Compariso
         why = f"{reasons.index(row.reason) + 1}" if row.reason else ""
         view.add_row(row.name, row.printed, f"{row.right:.6g}", "≠" if row.differs else "", why)
     wide.print(view)
-    for number, reason in enumerate(reasons, start=1):
-        out.print(f"  {number}. {reason}", style="dim")
+    for k, reason in enumerate(reasons, start=1):
+        _say(f"  {k}. {reason}", "dim", "     ")

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from planners.drives.ball_screw import BallScrew
-from planners.drives.screw import digits
 from planners.drives.screw.axis import Axis
 from planners.drives.screw.candidate import Candidate
 from planners.drives.screw.demand import ShaftDemand, shaft_demand
@@ -20,16 +19,19 @@ from planners.drives.screw.remedies import (
     against_balls,
     against_buckling,
     against_heat,
+    against_inaccuracy,
     against_sag,
     against_slowness,
     against_softness,
     against_torque,
     against_wear,
     against_whirl,
+    for_want_of_a_rating,
     slower,
 )
 from planners.drives.screw.verdict import Assessment, Check
 
+SOURCE = ", ".join(TABULATED)
 WHIRL, BALLS, UNIT, MOTOR = "whirling", "ball speed d n", "speed of the unit", "motor speed"  # all in proportion to the speed
 
 
@@ -40,7 +42,7 @@ def assess(axis: Axis, candidate: Candidate) -> Assessment:
     checks = (
         *_shaft(axis, candidate, screw),
         *_nut(axis, candidate),
-        *_accuracy(axis, candidate),
+        *_accuracy(axis, candidate, screw),
         *_stiffness(axis, screw),
         *_motor(axis, candidate, screw, shaft),
     )
@@ -63,7 +65,7 @@ def _nut(axis: Axis, candidate: Candidate) -> list[Check]:
     """Loads, life, and the unit's own limits."""
     need, factor, hours = axis.demand, axis.shares.service_factor, axis.wishes.life_h
     rated, lead, force = candidate.dynamic_load_n, candidate.lead_m, axis.equivalent_load_n(candidate)
-    unrated = "" if rated is not None or hours is None else "no dynamic load in the catalogue; ask the maker"
+    unrated = for_want_of_a_rating(axis, candidate)
     load = None if hours is None else dynamic_load_n(hours, force, need.mean_speed_m_s, lead, factor)
     life = None if rated is None else life_h(rated, force, need.mean_speed_m_s, lead, factor)
     pressed = factor * float(ball_load_n(np.array([need.peak_force_n]), axis.preload_n(candidate))[0])
@@ -77,12 +79,13 @@ def _nut(axis: Axis, candidate: Candidate) -> list[Check]:
     ]
 
 
-def _accuracy(axis: Axis, candidate: Candidate) -> list[Check]:
+def _accuracy(axis: Axis, candidate: Candidate, screw: BallScrew) -> list[Check]:
     """Lead class, deviation over the travel, lead that is too great."""
     wishes, name, travel = axis.wishes, candidate.lead_class, axis.demand.travel_m
     silent = "" if name is not None else "no lead class in the catalogue; ask the maker"
     deviation = None if name is None else travel_deviation_m(name, travel)
-    off_table = f"no deviation of {name} over {travel:g} m in the table; ask the maker"
+    off_table = f"source 004 tabulates no deviation of {name} over {travel:g} m; ask the maker"
+    note = "" if name is None or name in TABULATED else f"{name} is outside the classes that source 004 tabulates, {SOURCE}"
     wanted = wishes.travel_deviation_m
     lead = (
         None
@@ -94,10 +97,10 @@ def _accuracy(axis: Axis, candidate: Candidate) -> list[Check]:
             "lead class",
             None if name is None else LEAD_CLASSES[name].per_300_mm_m * 1e6,
             None if wishes.lead_class is None else LEAD_CLASSES[wishes.lead_class].per_300_mm_m * 1e6,
-            "µm",
+            "µm per 300 mm",
             f"{name} is coarser than {wishes.lead_class}: take a finer screw, or set lead_class to what the work allows",
-            missing=silent if wishes.lead_class is not None else "",
-            note="" if name is None or name in TABULATED else f"{name} is outside the table of classes, {', '.join(TABULATED)}",
+            missing=f"{silent} for {wishes.lead_class} or a finer one" if silent and wishes.lead_class else "",
+            note=note,
             classes=True,
         ),
         Check(
@@ -113,7 +116,7 @@ def _accuracy(axis: Axis, candidate: Candidate) -> list[Check]:
             candidate.lead_m,
             lead,
             "m",
-            f"a lead of {digits.greatest(lead)} m or a finer encoder" if lead else "",
+            against_inaccuracy(screw, lead) if lead else "",
         ),
     ]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from planners.errors import unknown_name
+from planners.errors import PlanError
 
 
 class LeadClass(NamedTuple):
@@ -25,9 +25,11 @@ TABULATED = tuple(name for name, row in LEAD_CLASSES.items() if row.travel)
 
 
 def lead_class(name: str) -> LeadClass:
-    """The class of that name. Raises PlanError with the nearest one for another."""
+    """The class of that name. Raises PlanError for another."""
     if name not in LEAD_CLASSES:
-        raise unknown_name("lead_class", name, LEAD_CLASSES)
+        raise PlanError(
+            f"lead_class = {name!r}; must be one of {', '.join(LEAD_CLASSES)}, from fine to coarse: take the finer one"
+        )
     return LEAD_CLASSES[name]
 
 

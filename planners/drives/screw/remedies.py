@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from planners.drives.ball_screw import SMALLEST_M, BallScrew
+from collections.abc import Callable
+
+from planners.drives.ball_screw import BallScrew, Thread
 from planners.drives.screw import digits
 from planners.drives.screw.axis import Axis
 from planners.drives.screw.balls import BALLS_M_RPM
@@ -20,50 +22,68 @@ from planners.drives.screw.limits import (
     stiffness_for_bandwidth_n_m,
 )
 from planners.drives.screw.transmission import Transmission
+from planners.drives.screw.wear import lasting_load_n, lasting_preload_n
+
+LEADS = (0.05, 2.0)  # of the diameter, that screws are made with (general knowledge)
 
 
 def against_whirl(axis: Axis, screw: BallScrew) -> str:
-    """Lead, diameter or supports."""
+    """Lead, diameter, supports or time."""
     lead = least_lead_by_whirl_m(screw, axis.demand.peak_speed_m_s, axis.shares.whirl)
-    return f"a lead of {digits.least(lead)} m at this diameter{_or_supports(axis, ', a thicker screw', ' or a thicker screw')}"
+    return _either(_lead(screw, lead, digits.least), "a thicker screw", _supports(axis), "slower moves")
 
 
 def against_balls(axis: Axis, candidate: Candidate, screw: BallScrew) -> str:
-    """Lead, diameter, or other balls where those do."""
+    """Lead, diameter, time, or other balls where those do."""
     speed, limit = axis.demand.peak_speed_m_s, axis.balls_m_rpm(candidate)
     lead = least_lead_by_balls_m(screw.circle_m, speed, limit)
     faster = axis.shares.balls * BALLS_M_RPM["ceramic"][0]
     helps = axis.balls.material != "ceramic" and speed / screw.ratio_m_rad * RPM * screw.circle_m <= faster
-    other = ", a thinner screw or ceramic balls" if helps else " or a thinner screw"
-    return f"a lead of {digits.least(lead)} m at this diameter{other}"
+    return _either(_lead(screw, lead, digits.least), "a thinner screw", "ceramic balls" if helps else "", "slower moves")
 
 
 def against_buckling(axis: Axis, screw: BallScrew) -> str:
     """Diameter or supports."""
     thick = least_diameter_by_buckling_m(axis.mounting, axis.demand.peak_force_n, axis.shares.buckling)
-    return f"{_diameter(screw, thick)}{_or_supports(axis, '', '')}"
+    return _either(_diameter(screw, thick), _supports(axis))
 
 
 def against_wear(axis: Axis, candidate: Candidate) -> str:
-    """Lead, hours, and what of preload and nut does; empty where there is nothing to compare."""
+    """Lead, preload, nut or hours; empty where nothing is broken or there is nothing to compare."""
     hours, rated, need, factor = axis.wishes.life_h, candidate.dynamic_load_n, axis.demand, axis.shares.service_factor
     if hours is None or rated is None:
         return ""
-    lead = least_lead_by_life_m(hours, rated, axis.equivalent_load_n(candidate), need.mean_speed_m_s, factor)
-    loose_h = life_h(rated, need.equivalent_force_n, need.mean_speed_m_s, candidate.lead_m, factor)
-    grows = candidate.preload_n is None and axis.shares.preload > 0.0  # a stronger nut is pressed harder
-    steps = [
-        f"a lead of {digits.least(lead)} m",
-        *(["less preload"] if axis.preload_n(candidate) and loose_h >= hours else []),
-        *([] if grows else ["a stronger nut"]),
-    ]
-    return f"{', '.join(steps)} or fewer hours"
+    force, speed = axis.equivalent_load_n(candidate), need.mean_speed_m_s
+    if life_h(rated, force, speed, candidate.lead_m, factor) >= hours:
+        return ""
+    preload, load = lasting_preload_n(axis, candidate, hours), lasting_load_n(axis, candidate, hours)
+    return _either(
+        _lead(candidate, least_lead_by_life_m(hours, rated, force, speed, factor), digits.least),
+        "" if preload is None else f"less preload ({digits.greatest(preload)} N at most)",
+        "" if load is None else f"a dynamic load of {digits.least(load)} N",
+        "fewer hours",
+    )
+
+
+def for_want_of_a_rating(axis: Axis, candidate: Candidate) -> str:
+    """What to ask of a nut whose dynamic load is not told; empty where it is, or where no life is asked."""
+    hours = axis.wishes.life_h
+    if hours is None or candidate.dynamic_load_n is not None:
+        return ""
+    load = lasting_load_n(axis, candidate, hours)
+    enough = "" if load is None else f" for {digits.least(load)} N or more"
+    return f"no dynamic load in the catalogue; ask the maker{enough}"
+
+
+def against_inaccuracy(screw: BallScrew, greatest_lead_m: float) -> str:
+    """Lead or encoder."""
+    return _either(_lead(screw, greatest_lead_m, digits.greatest), "a finer encoder")
 
 
 def against_sag(axis: Axis, screw: BallScrew, sag_m: float) -> str:
     """Diameter or length."""
     thick = least_diameter_by_sag_m(axis.mounting, sag_m, axis.load.slope_rad, axis.carried_kg)
-    return f"{_diameter(screw, thick)} or a shorter screw"
+    return _either(_diameter(screw, thick), "a shorter screw")
 
 
 def against_softness(axis: Axis, screw: BallScrew, needed_n_m: float) -> str:
@@ -71,7 +91,8 @@ def against_softness(axis: Axis, screw: BallScrew, needed_n_m: float) -> str:
     if axis.held_n_m <= needed_n_m:
         return _too_soft(axis, needed_n_m)
     thick = least_diameter_by_stiffness_m(screw, needed_n_m, axis.held_n_m)
-    return f"{_diameter(screw, thick)}{_smaller_lead(axis, screw, needed_n_m)} or a shorter screw"
+    lead = greatest_lead_by_stiffness_m(screw, needed_n_m, axis.held_n_m)
+    return _either(_diameter(screw, thick), _lead(screw, lead, digits.greatest), "a shorter screw")
 
 
 def against_slowness(axis: Axis, screw: BallScrew, bandwidth_rad_s: float) -> str:
@@ -81,7 +102,8 @@ def against_slowness(axis: Axis, screw: BallScrew, bandwidth_rad_s: float) -> st
     if axis.held_n_m <= least:
         return _too_soft(axis, least)
     needed = stiffness_for_bandwidth_n_m(screw, mass, bandwidth_rad_s, share)
-    return f"a shorter screw{_smaller_lead(axis, screw, needed)}"
+    lead = greatest_lead_by_stiffness_m(screw, needed, axis.held_n_m)
+    return _either(_lead(screw, lead, digits.greatest), "a shorter screw")
 
 
 def against_torque(axis: Axis, drive: Transmission, screw: BallScrew, peak_n_m: float) -> str:
@@ -111,22 +133,26 @@ def slower(cycle: Cycle, speed_m_s: float) -> str:
     )
 
 
-def _or_supports(axis: Axis, others: str, last: str) -> str:
-    return last if axis.mounting.support.stiffest else f"{others} or stiffer supports"
+def _either(*steps: str) -> str:
+    """Those that are any, the last one after "or"."""
+    *others, last = filter(None, steps)
+    return f"{', '.join(others)} or {last}" if others else last
+
+
+def _supports(axis: Axis) -> str:
+    return "" if axis.mounting.support.stiffest else "stiffer supports"
+
+
+def _lead(screw: Thread, lead_m: float, rounded: Callable[[float], str]) -> str:
+    """Empty where no screw of the diameter has it."""
+    least, most = (share * screw.diameter_m for share in LEADS)
+    return f"a lead of {rounded(1e3 * lead_m)} mm" if least <= lead_m <= most else ""
 
 
 def _diameter(screw: BallScrew, diameter_m: float) -> str:
-    return f"a {'diameter' if screw.core_diameter_m is None else 'core'} of {digits.least(diameter_m)} m"
+    return f"a {'diameter' if screw.core_diameter_m is None else 'core'} of {digits.least(1e3 * diameter_m)} mm"
 
 
 def _too_soft(axis: Axis, needed_n_m: float) -> str:
-    return (
-        f"bearing and nut alone give {axis.held_n_m:.4g} N/m where {needed_n_m:.4g} N/m are needed, whatever the screw: "
-        "take stiffer ones"
-    )
-
-
-def _smaller_lead(axis: Axis, screw: BallScrew, needed_n_m: float) -> str:
-    """Empty where no lead does."""
-    lead = greatest_lead_by_stiffness_m(screw, needed_n_m, axis.held_n_m)
-    return f", a lead of {digits.greatest(lead)} m" if lead >= SMALLEST_M else ""
+    (held, needed), unit = digits.shown((axis.held_n_m, needed_n_m), "N/m")
+    return f"bearing and nut alone give {held} {unit} where {needed} {unit} are needed, whatever the screw: take stiffer ones"

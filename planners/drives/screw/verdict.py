@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from planners.drives.ball_screw import BallScrew
 from planners.drives.motor import TOLERANCE
+from planners.drives.screw import digits
 from planners.drives.screw.candidate import Candidate
 from planners.drives.screw.demand import ShaftDemand
 
@@ -30,11 +31,10 @@ class Check(NamedTuple):
 
     @property
     def margin(self) -> float | None:
-        """Share of what may be used that is left: 1 - demand / capacity; negative is too much, None is not decided."""
+        """How far the value is on the safe side of the bound, over the bound; below 0 it is broken, None is not decided."""
         if self.value is None or self.bound is None:
             return None
-        need, room = (self.bound, self.value) if self.at_least else (self.value, self.bound)
-        return 1.0 - need / room
+        return self.value / self.bound - 1.0 if self.at_least else 1.0 - self.value / self.bound
 
     @property
     def state(self) -> str:
@@ -52,8 +52,8 @@ class Check(NamedTuple):
             return f"{self.name}: {self.missing}"
         if self.state != BROKEN:
             return ""
-        sign = ">=" if self.at_least else "<="
-        return f"{self.name} {self.value:.6g} {self.unit}; must be {sign} {self.bound:.6g} {self.unit}: {self.remedy}"
+        (value, bound), unit = digits.shown((self.value, self.bound), self.unit)
+        return f"{self.name} {value} {unit}; must be {'>=' if self.at_least else '<='} {bound} {unit}: {self.remedy}"
 
 
 class Assessment(NamedTuple):
@@ -91,6 +91,6 @@ class Assessment(NamedTuple):
         return min(decided, key=lambda c: c.margin or 0.0)
 
     @property
-    def rank(self) -> tuple[bool, float]:
-        """Sorts what fits before what does not, and of each the best margin first."""
-        return not self.admissible, -(self.tightest.margin or 0.0)
+    def rank(self) -> tuple[bool, bool, float]:
+        """Sorts what fits before what fits as far as is told and what does not, and of each the greatest least margin first."""
+        return not self.admissible, self.admissible and bool(self.undecided), -(self.tightest.margin or 0.0)
