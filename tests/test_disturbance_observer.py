@@ -79,7 +79,7 @@ def test_q_passes_all_at_zero_and_falls_with_its_order(time_constant_s, order, k
 
 @pytest.mark.parametrize("index", range(4))
 def test_the_elastic_pair_over_the_time_constant_is_the_reference_s(index):
-    pair = design(KNOWN["time_constant_s"][index]).elastic_pair(DRIVE)
+    pair = design(KNOWN["time_constant_s"][index]).least_damped(DRIVE)
     assert pair.frequency_rad_s == pytest.approx(KNOWN["elastic_rad_s"][index], rel=1e-6)
     assert pair.damping == pytest.approx(KNOWN["elastic_damping"][index], rel=1e-6)
 
@@ -147,7 +147,7 @@ def test_a_constant_torque_moves_nothing_in_the_end(nominal, torque):
 
 def test_the_elastic_nominal_keeps_the_joint_s_poles_and_filters_only_what_is_not_the_joint_s():
     own, omega = design(5e-4, "elastic"), np.array([1.0, 50.0, 179.0, 900.0])
-    pair = own.elastic_pair(DRIVE)
+    pair = own.least_damped(DRIVE)
     assert pair == pytest.approx(swinging(DRIVE.poles_1_s)[0], rel=1e-9)
     plant = DRIVE.plant["motor_speed", "motor_torque"]
     high = 1j * omega * 5e-4 / (1.0 + 1j * omega * 5e-4)
@@ -269,7 +269,7 @@ def ring(time_constant_s, nominal):
 
 
 def test_with_a_fast_rigid_observer_the_load_rings_at_the_locked_rotor_pair():
-    twist, pair = ring(2e-4, "rigid"), design(2.5e-4).elastic_pair(DRIVE)  # a sample longer
+    twist, pair = ring(2e-4, "rigid"), design(2.5e-4).least_damped(DRIVE)  # a sample longer
     tops = np.flatnonzero((np.abs(twist[1:-1]) > np.abs(twist[:-2])) & (np.abs(twist[1:-1]) >= np.abs(twist[2:]))) + 1
     half_period_s = float(np.mean(np.diff(tops))) * 5e-5
     decrement = math.log(abs(twist[tops[0]] / twist[tops[-1]])) / (len(tops) - 1)

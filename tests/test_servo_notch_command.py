@@ -7,6 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 FIGURES = tomllib.loads((Path(__file__).parent / "data" / "servo_loops.toml").read_text())
 EXAMPLE = FIGURES["example"]
@@ -68,6 +69,54 @@ def test_the_variation_after_a_torque_on_the_load_is_that_of_an_integration_of_t
     assert row["load_step_variation"] == pytest.approx(np.abs(np.diff(found.y[3])).sum(), rel=1e-3)
 
 
+def opened(row, omega):
+    """The example's position loop at j omega: Kpp / s, the notch upstream, and the speed loop closed around the one inside."""
+    s, jm, jl, k, d = 1j * omega, 0.5, 0.5, 0.5 * 200.0**2, 2.0 * 0.1 * 200.0 * 0.5
+    tuned = row["notch"] or {"frequency_rad_s": 1.0, "numerator_damping": 1.0, "denominator_damping": 1.0}
+    w, low, high = tuned["frequency_rad_s"], tuned["numerator_damping"], tuned["denominator_damping"]
+    notch = (s * s + 2.0 * low * w * s + w * w) / (s * s + 2.0 * high * w * s + w * w)
+    inside, upstream = (notch, 1.0) if row["name"] == "inside" else (1.0, notch)
+    plant = (jl * s * s + d * s + k) / (s * (jm * jl * s * s + (jm + jl) * (d * s + k)))
+    speed = 200.0 * (1.0 + 1.0 / (0.05 * s)) * inside * plant
+    return 20.0 / s * upstream * speed / (1.0 + speed)
+
+
+def test_margin_and_crossover_of_the_position_loop_are_those_of_its_equations(told):
+    for row in told()["placements"]:
+        crossover = brentq(lambda omega, row=row: abs(opened(row, omega)) - 1.0, 1.0, 60.0)
+        assert row["position_crossover_rad_s"] == pytest.approx(crossover, rel=1e-6)
+        margin = 180.0 + np.degrees(np.angle(opened(row, crossover)))
+        assert row["position_margin_deg"] == pytest.approx(margin, abs=1e-4)
+
+
+@pytest.mark.parametrize("detune", ["1", "0.9"])
+def test_the_largest_position_gain_that_is_told_settles_and_a_larger_one_does_not(rig, detune):
+    def ask(gain):
+        return rig("servo", "notch", "--json", "--detune", detune, "--position-loop", gain)
+
+    limits = [5.0]
+    while ask(limits[-1] * 0.999)[0]:
+        left, _, err = ask(limits[-1] * 0.999)
+        assert left == 2
+        assert "the position loop has a pole at" in err
+        limits.append(float(err.split("must be < ")[1].split()[0]))
+    assert ask(limits[-1] * 1.001)[0] == 2
+    assert 0.1 < limits[-1] < 5.0
+
+
+def test_a_joint_of_one_s_own_is_read_from_the_model_of_a_comparison(told, tmp_path):
+    drive = FIGURES["drive"] | {"stiffness_n_m_rad": 12.0}
+    lines = [f"{key} = {value}" for key, value in drive.items()]
+    move = ["load_angle_deg = 40.0", "time_s = 0.5", "motor_acceleration_rad_s2 = 1200.0"]
+    (tmp_path / "mine.toml").write_text("\n".join(["[[move]]", *move, "[model]", *lines, "[bench]", *lines]))
+    jm, jl = drive["motor_inertia_kg_m2"], drive["load_inertia_kg_m2"] / drive["gear_ratio"] ** 2
+    k, d, dm = 12.0, drive["elastic_damping_n_m_s_rad"], drive["motor_friction_n_m_s_rad"]
+    (pole,) = (p for p in np.roots([jm * jl, (jm + jl) * d + jl * dm, (jm + jl) * k + dm * d, dm * k]) if p.imag > 0.0)
+    notch = told("--joint", "mine.toml")["placements"][1]["notch"]
+    assert notch["frequency_rad_s"] == pytest.approx(abs(pole), rel=1e-9)
+    assert notch["numerator_damping"] == pytest.approx(-pole.real / abs(pole), rel=1e-9)
+
+
 def test_a_notch_tuned_wrongly_no_longer_hides_the_pair(told):
     document = told("--detune", "0.9")
     rows = [(row["name"], row["factor"]) for row in document["detuned"]]
@@ -103,6 +152,9 @@ def test_the_tables_show_the_figures_and_say_what_is_inferred(rig, tmp_path):
     assert any("inside" in line and "282.84  0.141" in line and "45.49" in line for line in lines)
     assert any("upstream" in line and "336.26  0.927" in line for line in lines)
     assert "Inferred, not published" in said
+    assert "Jm 0.5, Jlr 0.5 kg m²" in lines[0]
+    assert "within 2 % of the step" in " ".join(said.split())
+    assert "Sampled every 1 ms" in said
     assert next(line for line in lines if line.startswith("inside: ")).startswith(
         "inside: worse damped, 0.251 instead of 0.391"
     )
@@ -114,17 +166,21 @@ def test_the_tables_show_the_figures_and_say_what_is_inferred(rig, tmp_path):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("--joint", "lifted"), "did you mean 'listed'?"),
+        (("--joint", "lifted"), "did you mean 'listed'? must be one of FILE.toml (its [model]), fitted, listed, normalised"),
+        (("--joint", "mine.toml"), "'mine.toml' cannot be read"),
+        (("--damping", "0"), "the joint's pair at 282.843 rad/s is undamped; must be damped"),
+        (("--speed-loop", "-1"), "--speed-loop = -1.0; must be 0.001 to 1000"),
+        (("--position-loop", "nan"), "--position-loop = nan; must be 0.0001 to 100"),
         (
             ("--joint", "listed", "--inertia-ratio", "2"),
             "--inertia-ratio 2 with --joint listed; must be with --joint normalised",
         ),
         (("--damping", "1.0"), "makes a joint that does not swing"),
-        (("--speed-loop", "0"), "speed_gain_n_m_s_rad = 0.0; must be"),
-        (("--notch-damping", "0.1"), "must be 0 or more and < denominator_damping = 0.1"),
-        (("--detune", "0"), "detune = 0.0; must be 0.1 to 10"),
+        (("--speed-loop", "0"), "--speed-loop = 0.0; must be"),
+        (("--notch-damping", "0.1"), "--notch-damping 0.1; must be > 0.1414"),
+        (("--detune", "0"), "--detune = 0.0; must be 0.1 to 10"),
         (("--sample-time", "0.02"), "frequency_rad_s = 282.843 rad/s with a sample time of 0.02 s; must be < 157.08 rad/s"),
-        (("--sample-time", "0"), "period_s = 0.0; must be"),
+        (("--sample-time", "0"), "--sample-time = 0.0; must be"),
         (("--speed-loop", "0.5", "--damping", "0.6"), "leaves a speed loop without a pair of poles"),
         (("--plot", "poles.txt"), "must end in one of"),
         (("--plot", "nowhere/poles.svg"), "no folder 'nowhere'"),

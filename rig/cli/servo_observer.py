@@ -2,51 +2,68 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Table
+from rich.text import Text
 
-from rig.cli.output import check_folder, out, print_json, wide
+from rig.cli.output import COLOUR, check_folder, out, print_json, wide
 from rig.errors import ConfigError
 
 if TYPE_CHECKING:
     from rig.servo.loops import Mode
-    from rig.servo_studies.observer import ObserverRow, ObserverTask, Rejection, Turns
+    from rig.servo_studies.observer import Interval, ObserverRow, ObserverTask, Rejection, Turns
 
 PLAIN: Any = {"title_justify": "left", "box": None, "padding": (0, 2, 0, 0)}
-CORNER = "T_f [s]"
+CORNER = "T_f\n[ms]"
+LIMIT = 1e6  # a filter this much faster or slower than the joint is told as the limit
 PAIR_LEGEND = (
-    "frequency [rad/s] and damping; of the pair that a torque on the motor moves, and of the stiff load's least damped pole.",
-    "H_f printed: by the denominator as source 001 prints it, with Jm for Jlr in its last term; right only towards T_f = 0.",
+    "rigid, elastic nominal: the least damped of the poles that a torque on the motor moves, Q's included; stiff load: the "
+    "same with Jm and Jlr in one. Effect of the rigid nominal: it excites what it leaves less damped than joint and Q each are "
+    "alone, and damps what it leaves more damped than the joint is; 0.1 % counts as none."
+)
+PRINTED_LEGEND = (
+    "H_f as printed: the pair of the denominator that source 001 prints, with Jm for Jlr in its last term; right only towards "
+    "T_f = 0."
 )
 TORQUE_LEGEND = (
-    "low: speed of the load over a torque on the motor at ω_z / 100, as a share of that without observer; largest: over all",
-    "frequencies [rad/s per N m]. Peak: of the load's speed after a step of 1 N m [rad/s]; rings: its variation beyond up and",
-    "down, over up and down, within 12 periods of ω_z. Speeds are at the motor's side of the gear.",
+    "low: speed of the load over a torque on the motor at ω_z / 100, as a share of that without observer; largest: over all "
+    "frequencies. Peak: of the load's speed after a step of 1 N m on motor or load; rings: its variation beyond up and down, "
+    "over up and down, within 12 periods of ω_z. Speeds are at the motor's side of the gear."
 )
-FITTED = "Fitted: the constants that have all five printed modes of source 001's rig; they are inferred, not published."
-LISTED = "Source 001 lists the joint's constants; the time constants are ours, as the numbers of its simulation are lost."
+INFERRED = {
+    "fitted": "Fitted: the constants that have all five printed modes of source 001's rig; they are inferred, not published.",
+    "listed": "Source 001 lists the joint's constants; the time constants are ours, as the numbers of its simulation are lost.",
+}
 
 
 def observer(
-    joint: Annotated[str, typer.Option(help="Source 001's harmonic drive: listed or fitted constants.")] = "listed",
+    joint: Annotated[
+        str,
+        typer.Option(help="Source 001's harmonic drive, listed or fitted constants; or \\[model] of a comparison FILE.toml."),
+    ] = "listed",
     time_constants: Annotated[
-        str | None, typer.Option(help="T_f of Q = 1 / (1 + s T_f) in s, with commas; 1e-9 to 1e9 unless given.")
+        str | None,
+        typer.Option(
+            help="T_f of Q = 1 / (1 + s T_f) in s, with commas, each 1e-12 to 1e12; from one limit to the other unless given."
+        ),
     ] = None,
     nominal_inertia: Annotated[
-        float | None, typer.Option(help="Of the rigid nominal model in kg m²; the motor alone unless given.")
+        float | None,
+        typer.Option(help="Of the rigid nominal model in kg m², 1e-12 to 1e12; the motor alone unless given."),
     ] = None,
     order: Annotated[
-        int, typer.Option(help="Of Q: 1 is the lecture's; above it Butterworth's, with its corner at 1 / T_f.")
+        int, typer.Option(help="Of Q, 1 to 8: 1 is the lecture's; above it Butterworth's, with its corner at 1 / T_f.")
     ] = 1,
     plot: Annotated[Path | None, typer.Option(help="Draw damping over T_f and the load's speed: .svg, .png or .pdf.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")] = False,
 ) -> int:
     """Show what a torque disturbance observer does to an elastic joint: damping, rejection, responses, over T_f."""
-    from rig.servo_studies.joints import rig_joint  # python-control takes its time
+    from rig.servo_studies.joints import named_joint  # python-control takes its time
     from rig.servo_studies.observer import TIME_CONSTANTS_S, ObserverTask, study, turns, without
 
     if plot is not None:
@@ -55,26 +72,41 @@ def observer(
         picture_file.check(plot)
         check_folder("--plot", plot)
     times = TIME_CONSTANTS_S if time_constants is None else _numbers(time_constants)
-    task = ObserverTask(joint=rig_joint(joint), time_constants_s=times, nominal_inertia_kg_m2=nominal_inertia, order=order)
+    _check(nominal_inertia, order)
+    task = ObserverTask(joint=named_joint(joint), time_constants_s=times, nominal_inertia_kg_m2=nominal_inertia, order=order)
     rows, bare, turn = study(task), without(task), turns(task)
     if plot is not None:
         from rig.servo_studies.observer_figure import draw_observer
 
         picture_file.save(draw_observer(task), plot)
-    inferred = FITTED if joint == "fitted" else LISTED
     if as_json:
-        print_json(_document(joint, task, rows, bare, turn) | {"inferred": inferred})
+        print_json(_document(joint, task, rows, bare, turn))
     else:
         _print(joint, task, rows, bare, turn)
-        out.print(inferred, style="dim")
     return 0
 
 
 def _numbers(text: str) -> tuple[float, ...]:
+    from rig.servo.errors import check_range
+
     try:
-        return tuple(float(word) for word in text.split(",") if word.strip())
+        values = tuple(float(word) for word in text.split(",") if word.strip())
     except ValueError:
-        raise ConfigError(f"--time-constants {text!r}; must be numbers with commas, in s: e.g. 5e-4,2e-3") from None
+        values = ()
+    if not values:
+        raise ConfigError(f"--time-constants {text!r}; must be numbers with commas, in s: e.g. 5e-4,2e-3")
+    for value in values:
+        check_range("--time-constants", value, 1e-12, 1e12, "give seconds, e.g. 5e-4,2e-3")
+    return values
+
+
+def _check(nominal_inertia: float | None, order: int) -> None:
+    from rig.servo.disturbance_design import HIGHEST_ORDER
+    from rig.servo.errors import check_range
+
+    if nominal_inertia is not None:
+        check_range("--nominal-inertia", nominal_inertia, 1e-12, 1e12, "give kg m², as felt at the motor")
+    check_range("--order", order, 1, HIGHEST_ORDER, "1 or 2 is usual")
 
 
 def _document(joint: str, task: ObserverTask, rows: Sequence[ObserverRow], bare: Rejection, turn: Turns) -> dict[str, Any]:
@@ -85,106 +117,153 @@ def _document(joint: str, task: ObserverTask, rows: Sequence[ObserverRow], bare:
         "nominal_inertia_kg_m2": float(task.rigid.denominator[0]),
         "without": _told(bare),
         "locked_rotor": task.locked._asdict(),
-        "break_even_s": turn.break_even_s,
+        "excited_s": turn.excited,  # an end that is null is infinite
+        "unstable_s": turn.unstable,
         "best_s": turn.best_s,
-        "best": _pair(turn.best),
+        "best": turn.best._asdict(),
         "rows": [
             {
                 "time_constant_s": row.time_constant_s,
-                "rigid_nominal": _told(row.rigid) | {"effect": _effect(row, task)},
+                "rigid_nominal": _told(row.rigid) | {"effect": task.effect(row.rigid.least_damped.damping)},
                 "elastic_nominal": _told(row.elastic),
-                "stiff_load": row.stiff._asdict() | {"low": row.stiff_low},
-                "printed_h_f": _pair(row.printed),
+                "stiff_load": row.stiff._asdict() | {"low": row.stiff_low, "stable": row.stiff.damping >= 0.0},
+                "printed_h_f": row.printed and row.printed._asdict(),
             }
             for row in rows
         ],
-        "verdict": _verdict(task, rows, turn),
+        "verdict": [*_verdict(task, rows, turn), *_cautions(turn)],
+        "inferred": INFERRED.get(joint),
     }
 
 
 def _told(side: Rejection) -> dict[str, Any]:
-    return side._asdict() | {"pair": _pair(side.pair)}
-
-
-def _pair(pair: Mode | None) -> dict[str, float] | None:
-    return None if pair is None else pair._asdict()
-
-
-def _effect(row: ObserverRow, task: ObserverTask) -> str:
-    """What the rigid nominal does to the pair, at a millionth of the damping: excites, damps or leaves it."""
-    found = 1.0 if row.rigid.pair is None else row.rigid.pair.damping
-    if abs(found - task.bare.damping) < 1e-6 * task.bare.damping:
-        return "leaves"
-    return "damps" if found > task.bare.damping else "excites"
+    return side._asdict() | {"least_damped": side.least_damped._asdict(), "stable": side.stable}
 
 
 def _print(joint: str, task: ObserverTask, rows: Sequence[ObserverRow], bare: Rejection, turn: Turns) -> None:
     wide.print(_pair_table(joint, task, rows, bare))
-    out.print("\n".join(PAIR_LEGEND), style="dim")
-    wide.print(_torque_table(rows, bare))
-    out.print("\n".join(TORQUE_LEGEND), style="dim")
+    _say(f"{PAIR_LEGEND} {PRINTED_LEGEND}" if task.order == 1 else PAIR_LEGEND, "dim")
+    wide.print(_torque_table(task, rows, bare))
+    _say(TORQUE_LEGEND, "dim")
     for line in _verdict(task, rows, turn):
-        out.print(line)
+        _say(line)
+    for line in _cautions(turn):
+        _say(line, COLOUR["bad" if "unstable" in line else "doubtful"])
+    if joint in INFERRED:
+        _say(INFERRED[joint], "dim")
+
+
+def _say(text: str, style: str | None = None) -> None:
+    """Wrapped at the terminal's width."""
+    out.print(text, style=style, soft_wrap=False)
 
 
 def _pair_table(joint: str, task: ObserverTask, rows: Sequence[ObserverRow], bare: Rejection) -> Table:
-    j = task.joint
+    j, first = task.joint, task.order == 1
     title = f"Joint {joint}: Jm {j.motor_inertia_kg_m2:.6g}, Jlr {j.reflected_inertia_kg_m2:.6g} kg m²; "
     title += f"rigid nominal of {task.rigid.denominator[0]:.6g} kg m²; Q of order {task.order}"
-    headers = (CORNER, "rigid nominal", "the load", "elastic nominal", "stiff load, rigid nominal", "H_f printed")
-    view = _table(title, headers)
-    view.add_row("none", _mode(bare.pair), "", _mode(bare.pair), "", "")
+    poles = [f"{name}\n[rad/s], damping" for name in ("rigid nominal", "elastic nominal", "stiff load, rigid nominal")]
+    view = _table(title, (CORNER, poles[0], "effect", *poles[1:], *["H_f as printed\n[rad/s], damping"] * first))
+    view.add_row("none", _mode(bare.least_damped), "", _mode(bare.least_damped), "", *[""] * first)
     for row in rows:
-        cells = (
-            _mode(row.rigid.pair),
-            _effect(row, task),
-            _mode(row.elastic.pair),
+        effect = task.effect(row.rigid.least_damped.damping)
+        view.add_row(
+            _corner(task, row.time_constant_s),
+            _mode(row.rigid.least_damped),
+            Text(effect, style=COLOUR["bad"] if effect == "unstable" else ""),
+            _mode(row.elastic.least_damped),
             _mode(row.stiff),
-            _mode(row.printed) if task.order == 1 else "-",
+            *[_mode(row.printed)] * first,
         )
-        view.add_row(f"{row.time_constant_s:g}", *cells)
     return view
 
 
-def _torque_table(rows: Sequence[ObserverRow], bare: Rejection) -> Table:
-    headers = (CORNER, "nominal", "low", "largest", "motor step: peak", "rings", "load step: peak", "rings", "stiff load: low")
+def _torque_table(task: ObserverTask, rows: Sequence[ObserverRow], bare: Rejection) -> Table:
+    steps = [f"{place} step:\n{what}" for place in ("motor", "load") for what in ("peak [rad/s]", "rings")]
+    headers = (CORNER, "nominal", "low,\nshare", "largest\n[rad/s per N m]", *steps, "stiff load:\nlow, share")
     view = _table("\nWhat a torque does to the load", headers)
     view.add_row("none", "", *_figures(bare), "1")
     for row in rows:
-        view.add_row(f"{row.time_constant_s:g}", "rigid", *_figures(row.rigid), f"{row.stiff_low:.4g}")
+        view.add_row(_corner(task, row.time_constant_s), "rigid", *_figures(row.rigid), _figure(row.stiff_low))
         view.add_row("", "elastic", *_figures(row.elastic), "")
     return view
 
 
-def _figures(side: Rejection) -> tuple[str, ...]:
-    motor = (f"{side.motor_step_peak_rad_s:.4g}", f"{side.motor_step_rings:.2f}")
-    load = (f"{side.load_step_peak_rad_s:.4g}", f"{side.load_step_rings:.2f}")
-    return f"{side.low:.4g}", f"{side.peak_rad_s_n_m:.4g}", *motor, *load
+def _figures(side: Rejection) -> Sequence[str | Text]:
+    if not side.stable:
+        return [Text("unstable", style=COLOUR["bad"]), *["-"] * 5]
+    motor = (_figure(side.motor_step_peak_rad_s), f"{side.motor_step_rings:.2f}")
+    load = (_figure(side.load_step_peak_rad_s), f"{side.load_step_rings:.2f}")
+    return _figure(side.low), _figure(side.peak_rad_s_n_m), *motor, *load
+
+
+def _figure(value: float) -> str:
+    return "-" if math.isnan(value) else f"{value:.4g}"
 
 
 def _verdict(task: ObserverTask, rows: Sequence[ObserverRow], turn: Turns) -> list[str]:
-    effects = {effect: [f"{1e3 * row.time_constant_s:g}" for row in rows if _effect(row, task) == effect] for effect in EFFECTS}
-    told = [f"{word} at T_f = {', '.join(effects[effect])} ms" for effect, word in EFFECTS.items() if effects[effect]]
-    best = "nothing swings" if turn.best is None else f"damping {turn.best.damping:.3f}"
-    lines = [
+    found = [(task.effect(row.rigid.least_damped.damping), _corner(task, row.time_constant_s)) for row in rows]
+    times = {effect: [t for said, t in found if said == effect] for effect in EFFECTS}
+    told = "; ".join(f"{word} at {_at(times[effect])}" for effect, word in EFFECTS.items() if times[effect])
+    worst = max(rows, key=lambda row: row.elastic.load_step_rings)
+    return [
         f"without observer the pair swings at {task.bare.frequency_rad_s:.2f} rad/s with damping {task.bare.damping:.3f}; "
         f"while the motor stands, the load at {task.locked.frequency_rad_s:.2f} rad/s with {task.locked.damping:.3f}",
-        f"rigid nominal: {'; '.join(told)}; most at {1e3 * turn.best_s:.3g} ms: {best}",
-    ]
-    if turn.break_even_s is not None:
-        lines.append(
-            f"caution: faster than T_f = {1e3 * turn.break_even_s:.3g} ms it takes the load's reaction for a disturbance, and "
-            "the load rings; but the faster, the more torque it rejects"
-        )
-    worst = max(rows, key=lambda row: row.elastic.load_step_rings)
-    lines.append(
+        f"rigid nominal: {told}; best at {_milliseconds(turn.best_s)} ms, where the least damping is {turn.best.damping:.3f}",
         "elastic nominal: keeps the joint's own pair whatever T_f, and rejects only what is not the joint's; after a torque on "
-        f"the load that rings {worst.elastic.load_step_rings:.2f} at T_f = {1e3 * worst.time_constant_s:g} ms"
-    )
+        f"the load that rings {worst.elastic.load_step_rings:.2f} at {_at([_corner(task, worst.time_constant_s)])}",
+    ]
+
+
+def _cautions(turn: Turns) -> list[str]:
+    """Of the rigid nominal: all time constants to be careful with."""
+    lines = []
+    if turn.excited:
+        lines.append(
+            f"caution: the load is excited at {_spans(turn.excited)}: its reaction is taken for a disturbance, and it rings; "
+            "but the faster Q, the more torque is rejected"
+        )
+    if turn.unstable:
+        lines.append(
+            f"caution: unstable at {_spans(turn.unstable)}: take a lower order, another time constant, or a lower nominal "
+            "inertia"
+        )
     return lines
 
 
-EFFECTS = {"excites": "excites the load", "leaves": "leaves it as it is", "damps": "damps it"}
+EFFECTS = {
+    "excites": "excites the load",
+    "unstable": "is unstable",
+    "leaves": "leaves it as it is",
+    "damps": "damps it",
+}
+
+
+def _spans(intervals: Sequence[Interval]) -> str:
+    return "T_f " + " and ".join(_span(*interval) for interval in intervals)
+
+
+def _span(low_s: float, high_s: float) -> str:
+    low, high = _milliseconds(low_s), f"{_milliseconds(high_s)} ms"
+    if math.isinf(high_s):
+        return f"> {low} ms" if low_s else "from 1e-4 / ω_z to 1e4 / ω_z"
+    return f"{low} to {high}" if low_s else f"< {high}"
+
+
+def _milliseconds(time_s: float) -> str:
+    return f"{1e3 * time_s:.3g}" if time_s < 1.0 else f"{1e3 * time_s:.0f}"
+
+
+def _corner(task: ObserverTask, time_constant_s: float) -> str:
+    """In ms, or as the limit that it amounts to."""
+    share = time_constant_s * task.joint.antiresonance_rad_s
+    if share < 1.0 / LIMIT:
+        return "→ 0"
+    return "→ ∞" if share > LIMIT else f"{1e3 * time_constant_s:g}"
+
+
+def _at(corners: Sequence[str]) -> str:
+    return f"T_f {', '.join(corners)}" + ("" if corners[-1].startswith("→") else " ms")
 
 
 def _mode(pair: Mode | None) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 
 from planners.pieces import ComplexArray, FloatArray
 from rig.servo.errors import Improper, ServoError, check_datum, check_range
-from rig.servo.loops import Mode, swinging
+from rig.servo.loops import Mode, modes
 from rig.servo.two_mass import TwoMass
 from rig.servo.wiring import STATES, TORQUES, Loop, disturbed, driven, wire
 
@@ -156,9 +156,9 @@ class ObserverDesign:
         forward = wire(blocks, ["wanted_torque", "torque"], ["drive_torque"])
         return Loop(-control.ss(forward["drive_torque", "torque"]), closed, "wanted_torque", "motor_speed")
 
-    def elastic_pair(self, joint: TwoMass) -> Mode | None:
-        """The least damped pair that a torque on the motor moves; None where nothing swings."""
-        return min(swinging(self.poles_1_s(joint)), key=lambda mode: mode.damping, default=None)
+    def least_damped(self, joint: TwoMass) -> Mode:
+        """Of the poles that a torque on the motor moves, Q's included; damping 1 where nothing swings, < 0 if unstable."""
+        return min(modes(self.poles_1_s(joint)), key=lambda mode: mode.damping)
 
     def disturbance(self, joint: TwoMass, torque: Place, speed: Place) -> Ratio:
         """From a torque that is not the controller's to a speed [rad/s per N m], both at the motor's side of the gear."""

@@ -1,6 +1,8 @@
-"""The two joints of source 001's rig: its listed constants, and those that have all five of its printed modes."""
+"""The joints a study is made of: source 001's rig, as listed and as fitted, or the [model] of a comparison file."""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import msgspec
 
@@ -11,10 +13,20 @@ from rig.servo_studies.spec import load
 JOINTS = ("listed", "fitted")  # the second is inferred: the printed modes do not follow from the listed constants
 
 
+def named_joint(name: str, others: tuple[str, ...] = ()) -> TwoMass:
+    """The harmonic drive, or what a file believes in. others are names that the caller knows besides.
+
+    Raises PlanError for an unknown name, ConfigError for a file that is no comparison, ServoError for a value out of bounds.
+    """
+    if name in JOINTS:
+        return rig_joint(name)
+    if name.endswith(".toml"):
+        return load(Path(name)).joint
+    raise unknown_name("--joint", name, (*JOINTS, *others, "FILE.toml (its [model])"))
+
+
 def rig_joint(name: str) -> TwoMass:
-    """The harmonic drive. Raises PlanError for an unknown name."""
-    if name not in JOINTS:
-        raise unknown_name("joint", name, JOINTS)
+    """The harmonic drive: listed, or fitted."""
     spec = load(None)
     changes = spec.truth["fitted"] if name == "fitted" else {}
     return TwoMass(**(msgspec.structs.asdict(spec.model) | changes))

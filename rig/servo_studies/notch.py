@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -12,7 +13,7 @@ from planners.pieces import FloatArray
 from rig.servo.block import check_period
 from rig.servo.cascade import Cascade, Where
 from rig.servo.errors import ServoError, check_range
-from rig.servo.loops import Mode, modes, swinging
+from rig.servo.loops import Mode, margins, modes, swinging
 from rig.servo.notch import Notch
 from rig.servo.two_mass import TwoMass
 from rig.servo.wiring import Loop
@@ -21,6 +22,7 @@ SETTLED = 0.02  # of the step
 WATCHED = 14.0  # time constants of the slowest pole
 POINTS = 10_001  # of a response: what peaks lose between samples is 1e-4 of them
 DETUNED = 0.1, 10.0
+UNDAMPED = 1e-9  # damping of a pair that is as good as none
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,19 +35,50 @@ class NotchTask:
 
     def __post_init__(self) -> None:
         self.joint.check_elastic()
-        if not swinging(self.gains.speed_loop(self.joint).shown_poles_1_s):
+        pair = _least_damped(self.joint.poles_1_s)
+        if pair.damping < UNDAMPED:
             raise ServoError(
-                f"speed_gain_n_m_s_rad = {self.gains.speed_gain_n_m_s_rad:.6g} leaves a speed loop without a pair of poles; "
-                "must leave one for the upstream notch: raise or lower the gain"
+                f"the joint's pair at {pair.frequency_rad_s:.6g} rad/s is undamped; must be damped, or it swings on for ever "
+                "behind a notch inside the speed loop: raise --damping, or elastic_damping_n_m_s_rad in the file"
             )
+        speed = self.gains.speed_loop(self.joint)
+        if not _settles(speed):
+            raise self.unsettled(speed, "no notch")
+        if not swinging(speed.shown_poles_1_s):
+            raise ServoError(
+                f"--speed-loop {self.speed_share:.6g} leaves a speed loop without a pair of poles; must leave one for the "
+                "upstream notch: raise or lower it"
+            )
+
+    @property
+    def speed_share(self) -> float:
+        """Speed gain over omega_z (Jm + Jlr)."""
+        return self.gains.speed_gain_n_m_s_rad / (self.joint.antiresonance_rad_s * self.joint.rigid_inertia_kg_m2)
+
+    @property
+    def position_share(self) -> float:
+        """Position gain over omega_z."""
+        return self.gains.position_gain_1_s / self.joint.antiresonance_rad_s
 
     def notches(self, factor: float = 1.0) -> dict[str, Notch]:
         """inside: on the joint's poles; upstream: on the least damped pair of the speed loop; frequencies times factor."""
-        check_range("detune", factor, *DETUNED, "1 is a notch that is right, 0.9 one that lies 10 % too low")
+        check_range("--detune", factor, *DETUNED, "1 is a notch that is right, 0.9 one that lies 10 % too low")
         pairs = {"inside": self.joint.poles_1_s, "upstream": self.gains.speed_loop(self.joint).shown_poles_1_s}
         return {where: self._notch(_least_damped(poles), factor) for where, poles in pairs.items()}
 
+    def unsettled(self, speed: Loop, where: str) -> ServoError:
+        """The error for a speed loop that does not settle."""
+        return ServoError(
+            f"--speed-loop {self.speed_share:.6g} with {where}: the speed loop has {_worst(speed)}; must be damped to settle: "
+            "lower it, or raise --reset-time"
+        )
+
     def _notch(self, pair: Mode, factor: float) -> Notch:
+        if not pair.damping < self.denominator_damping:
+            raise ServoError(
+                f"--notch-damping {self.denominator_damping:.6g}; must be > {pair.damping:.4g}, the damping of the pair to be "
+                f"cancelled at {pair.frequency_rad_s:.4g} rad/s, or it is no notch: raise it, 1 is usual"
+            )
         return Notch.tuned_to(pair._replace(frequency_rad_s=factor * pair.frequency_rad_s), self.denominator_damping)
 
 
@@ -56,6 +89,7 @@ class Placement(NamedTuple):
     notch: Notch | None
     speed: Loop
     position: Loop
+    position_opened: Any  # control.StateSpace from the error of the motor's angle to that angle; position opens at the torque
 
 
 class Response(NamedTuple):
@@ -82,6 +116,8 @@ class NotchRow(NamedTuple):
     hidden: tuple[Mode, ...]  # cancelled: only disturbances move them
     phase_margin_deg: float  # of the speed loop
     crossover_rad_s: float
+    position_margin_deg: float  # of the position loop, opened at the error of the motor's angle
+    position_crossover_rad_s: float
     motor_step_variation: float  # of the load's speed after 1 N m on the motor
     load_step_variation: float
     position_step_peak_rad_s: float  # of the load's speed after 1 rad
@@ -112,9 +148,11 @@ class Sampled(NamedTuple):
 
 
 def placements(task: NotchTask, factor: float = 1.0) -> tuple[Placement, ...]:
-    """none, inside and upstream, the notches' frequencies times factor."""
+    """none, inside and upstream, the notches' frequencies times factor. Raises ServoError for a loop that does not settle."""
     notches = task.notches(factor)
-    return tuple(_placement(task, notches.get(name), name) for name in ("none", "inside", "upstream"))
+    found = tuple(_placement(task, notches.get(name), name) for name in ("none", "inside", "upstream"))
+    _check_settling(task, found, factor)
+    return found
 
 
 def compare(task: NotchTask) -> tuple[NotchRow, ...]:
@@ -140,7 +178,7 @@ def step_response(loop: Loop, source: str, time_s: float | None = None) -> Respo
     """
     slowest = float(np.min(-loop.closed.poles().real))
     if not slowest > 0.0:
-        raise ServoError(f"a pole at {-slowest:.6g} 1/s; must be < 0 to settle: change the gains, or damp the joint")
+        raise ServoError(f"a loop with {_worst(loop)}; must be damped to settle: change the gains, or damp the joint")
     t = np.linspace(0.0, WATCHED / slowest if time_s is None else time_s, POINTS)
     system = loop.closed[["load_angle", "load_speed"], source]
     angle, speed = np.hstack([system.C, system.D]) @ _states(system, float(t[1]))
@@ -165,12 +203,50 @@ def _states(system: Any, period_s: float) -> FloatArray:
 def _placement(task: NotchTask, notch: Notch | None, name: str) -> Placement:
     where: Where = "upstream" if name == "upstream" else "inside"
     speed = task.gains.speed_loop(task.joint, notch if where == "inside" else None)
-    return Placement(name, notch, speed, task.gains.position_loop(task.joint, notch, where))
+    position = task.gains.position_loop(task.joint, notch, where)
+    return Placement(name, notch, speed, position, _position_opened(task, speed, notch if where == "upstream" else None))
+
+
+def _position_opened(task: NotchTask, speed: Loop, upstream: Notch | None) -> Any:
+    import control
+
+    gain = control.ss(control.tf([task.gains.position_gain_1_s], [1.0, 0.0]))  # and the speed's integral
+    closed = control.ss(speed.closed["motor_speed", "speed_setpoint"])
+    return closed * gain * (control.ss(upstream.system) if upstream else 1.0)
+
+
+def _check_settling(task: NotchTask, found: Sequence[Placement], factor: float) -> None:
+    """Names the loop, its worst pole and the option; of the position loop the largest value that settles."""
+    tuned = "" if factor == 1.0 else f" tuned to {factor:.4g} of its frequency (--detune)"
+    for row in found:
+        if not _settles(row.speed):
+            raise task.unsettled(row.speed, _called(row) + tuned)
+    failing = [row for row in found if not _settles(row.position)]
+    if failing:
+        share = min(margins(row.position_opened).least_gain for row in failing)
+        raise ServoError(
+            f"--position-loop {task.position_share:.6g} with {_called(failing[0])}{tuned}: the position loop has "
+            f"{_worst(failing[0].position)}; must be < {share * task.position_share:.4g} to settle: lower it"
+            + (", or take --detune nearer to 1" if tuned else "")
+        )
+
+
+def _called(row: Placement) -> str:
+    return "no notch" if row.notch is None else f"the notch {row.name}"
+
+
+def _settles(loop: Loop) -> bool:
+    return bool(np.all(loop.closed.poles().real < 0.0))
+
+
+def _worst(loop: Loop) -> str:
+    mode = min(modes(loop.closed.poles()), key=lambda mode: mode.damping)
+    return f"a pole at {mode.frequency_rad_s:.6g} rad/s with damping {mode.damping:.3g}"
 
 
 def _row(placement: Placement, factor: float) -> NotchRow:
-    name, notch, speed, position = placement
-    margins = speed.facts.margins
+    name, notch, speed, position, position_opened = placement
+    inner, outer = speed.facts.margins, margins(position_opened)
     motor, load = (step_response(position, source) for source in ("motor_torque", "load_torque"))
     step = step_response(position, "setpoint_angle")
     peak = float(np.abs(step.speed_rad_s).max())
@@ -182,8 +258,10 @@ def _row(placement: Placement, factor: float) -> NotchRow:
         speed_modes=modes(speed.shown_poles_1_s),
         position_modes=modes(position.shown_poles_1_s),
         hidden=modes(position.hidden_poles_1_s),
-        phase_margin_deg=margins.phase_deg,
-        crossover_rad_s=margins.crossover_rad_s,
+        phase_margin_deg=inner.phase_deg,
+        crossover_rad_s=inner.crossover_rad_s,
+        position_margin_deg=outer.phase_deg,
+        position_crossover_rad_s=outer.crossover_rad_s,
         motor_step_variation=motor.variation_rad_s,
         load_step_variation=load.variation_rad_s,
         position_step_peak_rad_s=peak,

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from planners.pieces import ComplexArray
 from rig.servo_studies.notch import NotchTask, Placement, Response, placements, step_response
@@ -32,13 +34,24 @@ def draw_notch(task: NotchTask) -> Figure:
     for panel, row in zip(maps, rows, strict=True):
         _poles(panel, row, top)
     maps[0].set_ylabel("imaginary part [1/s]")
-    figure.legend(*maps[-1].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False)
+    figure.legend(handles=_symbols(), loc="outside lower center", ncols=4, frameon=False)
     shown_s = PERIODS * 2.0 * np.pi / task.joint.antiresonance_rad_s
     for panel, (source, title) in zip(courses, STEPS, strict=True):
         _course(panel, [(row.name, step_response(row.position, source, time_s=shown_s)) for row in rows], title)
     courses[0].legend(frameon=False)
     figure.suptitle("A notch filter against the joint's resonance", ha="left", x=0.01)
     return figure
+
+
+def _symbols() -> list[Line2D]:
+    """What a mark means, whatever its colour."""
+    marks: tuple[tuple[str, dict[str, Any]], ...] = (
+        ("speed loop", {"marker": "x", "ls": ""}),
+        ("position loop", {"marker": "o", "mfc": "none", "ls": ""}),
+        ("cancelled: disturbances move it", {"marker": "D", "alpha": 0.5, "ls": ""}),
+        ("lines: damping", {"ls": ":", "lw": 1.0}),
+    )
+    return [Line2D([], [], color=GREY, ms=8, label=label, **look) for label, look in marks]
 
 
 def _shown(row: Placement) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
@@ -54,13 +67,13 @@ def _poles(panel: Axes, row: Placement, top: float) -> None:
             panel.plot([0.0, -reach], [0.0, side * reach], color=GREY, lw=0.5, ls=":")
         panel.annotate(f"{damping:g}", (-reach, slope * reach), fontsize=8, color=GREY)
     speed, position, hidden = _shown(row)
-    panel.plot(speed.real, speed.imag, "x", ms=8, color=GREY, label="speed loop")
-    panel.plot(position.real, position.imag, "o", ms=8, mfc="none", color=colour, label="position loop")
-    panel.plot(hidden.real, hidden.imag, "D", ms=7, color=colour, alpha=0.5, label="cancelled: disturbances move it")
+    panel.plot(speed.real, speed.imag, "x", ms=8, color=GREY)
+    panel.plot(position.real, position.imag, "o", ms=8, mfc="none", color=colour)
+    panel.plot(hidden.real, hidden.imag, "D", ms=7, color=colour, alpha=0.5)
     panel.set_xlim(left, 0.08 * top)
     panel.set_ylim(-top, top)
     panel.set_title(TITLES[row.name], color=colour)
-    panel.set_xlabel("real part [1/s]; dots: damping; faster poles are left out")
+    panel.set_xlabel("real part [1/s]; faster poles are left out")
     _dress(panel)
 
 

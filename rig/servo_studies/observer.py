@@ -6,8 +6,9 @@ joint as nominal model, before a stiff and an elastic load.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -22,7 +23,10 @@ LOW = 0.01  # times omega_z: a frequency that counts as low
 PERIODS = 12.0  # of omega_z: how long a response is watched
 POINTS = 6001  # of a response
 SPREAD = 1e4  # a filter this much faster or slower than the joint is at its limit
-GRID = 400  # time constants tried between those limits
+GRID = 800  # time constants tried between those limits
+LEAVES = 1e-3  # of its damping: a change that is none
+Effect = Literal["excites", "leaves", "damps", "unstable"]
+Interval = tuple[float, float]  # of time constants [s], from 0 or to inf at the limits
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,6 +76,20 @@ class ObserverTask:
         return min(swinging(self.joint.poles_1_s), key=lambda mode: mode.damping)
 
     @property
+    def calmest_excited(self) -> float:
+        """A damping below tells that the observer excites: neither the joint nor Q has it alone."""
+        alone = min(mode.damping for mode in modes(_roots(self.low_pass(1.0).denominator)))
+        return (1.0 - LEAVES) * min(self.bare.damping, alone)
+
+    def effect(self, damping: float) -> Effect:
+        """Of an observer that leaves this least damping: more than the joint's damps, less than the joint's and Q's excites."""
+        if damping < 0.0:
+            return "unstable"
+        if damping < self.calmest_excited:
+            return "excites"
+        return "damps" if damping > (1.0 + LEAVES) * self.bare.damping else "leaves"
+
+    @property
     def locked(self) -> Mode:
         """How the load swings while the motor stands; damping 1 where it does not."""
         return modes(_roots(self.joint.motor_numerator))[0]
@@ -97,15 +115,20 @@ class Course(NamedTuple):
 
 
 class Rejection(NamedTuple):
-    """One nominal at one time constant. Speeds of the load per N m, at the motor's side."""
+    """One nominal at one time constant. Speeds of the load per N m, at the motor's side; NaN where it is not stable."""
 
-    pair: Mode | None  # the least damped that a torque on the motor moves
+    least_damped: Mode  # of the poles that a torque on the motor moves, Q's included
     low: float  # |speed over torque on the motor| at LOW omega_z, over that without observer
     peak_rad_s_n_m: float  # the largest of all frequencies
     motor_step_peak_rad_s: float
     motor_step_rings: float
     load_step_peak_rad_s: float
     load_step_rings: float
+
+    @property
+    def stable(self) -> bool:
+        """Whether what swings decays."""
+        return self.least_damped.damping >= 0.0
 
 
 class ObserverRow(NamedTuple):
@@ -120,11 +143,12 @@ class ObserverRow(NamedTuple):
 
 
 class Turns(NamedTuple):
-    """Where the rigid nominal turns from exciting the load to damping it."""
+    """Over which time constants the rigid nominal excites, and which damps most."""
 
-    break_even_s: float | None  # shorter time constants leave the pair less damped than no observer; None if none or all do
+    excited: tuple[Interval, ...]  # less damped than the joint and Q, unstable ones included
+    unstable: tuple[Interval, ...]
     best_s: float
-    best: Mode | None  # the pair there; None: nothing swings
+    best: Mode  # least damped there
 
 
 def study(task: ObserverTask) -> tuple[ObserverRow, ...]:
@@ -138,27 +162,33 @@ def without(task: ObserverTask) -> Rejection:
 
 
 def damping(task: ObserverTask, time_constant_s: float) -> float:
-    """Of the least damped pair under the rigid nominal; 1 where nothing swings."""
-    pair = task.design(task.rigid, time_constant_s).elastic_pair(task.joint)
-    return 1.0 if pair is None else pair.damping
+    """The least under the rigid nominal, Q's included; 1 where nothing swings."""
+    return task.design(task.rigid, time_constant_s).least_damped(task.joint).damping
 
 
 def turns(task: ObserverTask) -> Turns:
     """Over time constants from the joint's 1 / omega_z / SPREAD to SPREAD / omega_z."""
-    from scipy.optimize import brentq, minimize_scalar
+    from scipy.optimize import minimize_scalar
 
-    centre = -np.log(task.joint.antiresonance_rad_s)
-    grid = np.linspace(centre - np.log(SPREAD), centre + np.log(SPREAD), GRID)
+    centre = -math.log(task.joint.antiresonance_rad_s)
+    grid = np.linspace(centre - math.log(SPREAD), centre + math.log(SPREAD), GRID)
     found = np.array([damping(task, float(np.exp(x))) for x in grid])
     top = int(found.argmax())
-    low, high = grid[max(top - 1, 0)], grid[min(top + 1, GRID - 1)]
-    best = float(np.exp(minimize_scalar(lambda x: -damping(task, float(np.exp(x))), bounds=(low, high), method="bounded").x))
-    more = np.flatnonzero(found[: top + 1] <= task.bare.damping)
-    crossing = None
-    if more.size and more[-1] < top:
-        ends = float(grid[more[-1]]), float(grid[more[-1] + 1])
-        crossing = float(np.exp(brentq(lambda x: damping(task, float(np.exp(x))) - task.bare.damping, *ends)))
-    return Turns(crossing, best, task.design(task.rigid, best).elastic_pair(task.joint))
+    ends = grid[max(top - 1, 0)], grid[min(top + 1, GRID - 1)]
+    best = float(np.exp(minimize_scalar(lambda x: -damping(task, float(np.exp(x))), bounds=ends, method="bounded").x))
+    excited, unstable = (_below(task, level, grid, found) for level in (task.calmest_excited, 0.0))
+    return Turns(excited, unstable, best, task.design(task.rigid, best).least_damped(task.joint))
+
+
+def _below(task: ObserverTask, level: float, grid: FloatArray, found: FloatArray) -> tuple[Interval, ...]:
+    """Where the damping is less: between its crossings of the level, and on to the limits."""
+    from scipy.optimize import brentq
+
+    below = found < level
+    crossed = np.flatnonzero(below[1:] != below[:-1])
+    ends = [float(np.exp(brentq(lambda x: damping(task, float(np.exp(x))) - level, grid[k], grid[k + 1]))) for k in crossed]
+    ends = [0.0] * bool(below[0]) + ends + [math.inf] * bool(below[-1])
+    return tuple(zip(ends[::2], ends[1::2], strict=True))
 
 
 def course(task: ObserverTask, nominal: Nominal | None, time_constant_s: float, torque: Place) -> Course:
@@ -191,17 +221,19 @@ def _row(task: ObserverTask, time_constant_s: float) -> ObserverRow:
 
 def _observed(task: ObserverTask, own: ObserverDesign) -> Rejection:
     motor, load = own.disturbance(task.joint, "motor", "load"), own.disturbance(task.joint, "load", "load")
-    return _rejection(task, own.elastic_pair(task.joint), motor, load)
+    return _rejection(task, own.least_damped(task.joint), motor, load)
 
 
-def _rejection(task: ObserverTask, pair: Mode | None, motor: Ratio, load: Ratio) -> Rejection:
+def _rejection(task: ObserverTask, least_damped: Mode, motor: Ratio, load: Ratio) -> Rejection:
+    if least_damped.damping < 0.0:
+        return Rejection(least_damped, *[math.nan] * 6)
     omega = task.joint.antiresonance_rad_s
     grid = omega * np.logspace(-3.0, 2.0, 4001)
     low = np.array([LOW * omega])
     bare = np.abs(_alone(task.joint, "motor").at(low))[0]
     steps = _step(task, motor), _step(task, load)
     return Rejection(
-        pair,
+        least_damped,
         float(np.abs(motor.at(low))[0] / bare),
         float(np.abs(motor.at(grid)).max()),
         *(figure for step in steps for figure in (step.peak_rad_s, step.rings)),
@@ -215,7 +247,8 @@ def _stiff(task: ObserverTask, time_constant_s: float) -> tuple[Mode, float]:
     whole = np.polyadd(np.polymul(high, body), task.rigid.denominator)
     s = 1j * LOW * task.joint.antiresonance_rad_s
     low = abs(np.polyval(high, s) * np.polyval(body, s) / np.polyval(whole, s))
-    return min(modes(_roots(np.asarray(whole))), key=lambda mode: mode.damping), float(low)
+    least = min(modes(_roots(np.asarray(whole))), key=lambda mode: mode.damping)
+    return least, float(low) if least.damping >= 0.0 else math.nan
 
 
 def _alone(joint: TwoMass, torque: Place) -> Ratio:
@@ -225,12 +258,20 @@ def _alone(joint: TwoMass, torque: Place) -> Ratio:
 
 
 def _step(task: ObserverTask, ratio: Ratio) -> Course:
-    """By residues: all poles are single, as those of Q are."""
+    """By residues: all poles are single, as those of Q are, but for one at 0 without friction, which makes a ramp of a step.
+
+    Of a stable loop, or it grows beyond all numbers.
+    """
     t = np.linspace(0.0, PERIODS * 2.0 * np.pi / task.joint.antiresonance_rad_s, POINTS)
-    below = np.append(ratio.denominator, 0.0)  # times 1 / s
+    above, below, ramp = ratio.numerator, ratio.denominator, 0.0
+    if below[-1] == 0.0:  # N / (s D) / s = ramp / s^2 + (N - ramp D) / s / (s D)
+        below = below[:-1]
+        ramp = float(above[-1] / below[-1])
+        above = np.asarray(np.polysub(above, ramp * below)[:-1], dtype=np.float64)
+    below = np.append(below, 0.0)  # times 1 / s
     poles = np.roots(below)
-    residues = np.polyval(ratio.numerator, poles) / np.polyval(np.polyder(below), poles)
-    return Course(t, np.asarray((np.exp(np.outer(t, poles)) @ residues).real))
+    residues = np.polyval(above, poles) / np.polyval(np.polyder(below), poles)
+    return Course(t, np.asarray(ramp * t + (np.exp(np.outer(t, poles)) @ residues).real))
 
 
 def _roots(polynomial: FloatArray) -> ComplexArray:

@@ -2,66 +2,113 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
+from typing import NamedTuple
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rig.servo.disturbance_design import Nominal, Place
 from rig.servo.loops import swinging
-from rig.servo_studies.observer import ObserverTask, course, damping, printed_poles_1_s, turns
+from rig.servo_studies.observer import ObserverTask, Turns, course, damping, printed_poles_1_s, turns
 
 BARE, FAST, BEST, ELASTIC, GREY = "#212121", "#c62828", "#2e7d32", "#1565c0", "#757575"
+EXCITED, UNSTABLE = "#ffcdd2", "#e57373"
 DECADES = 3.0  # each side of 1 / omega_z
 FASTER = 4.0  # the fast filter shown, than the one that breaks even (or than the best)
+ROOM = 1.2  # above what a panel is to show
+
+
+class Curve(NamedTuple):
+    """An observer that is pictured; none for no nominal."""
+
+    label: str
+    nominal: Nominal | None
+    time_constant_s: float
+    colour: str
 
 
 def draw_observer(task: ObserverTask) -> Figure:
     """Damping over the time constant; the load's speed over a torque on the motor, and after a step on motor and load."""
     turn = turns(task)
-    fast_s = (turn.best_s if turn.break_even_s is None else turn.break_even_s) / FASTER
-    curves: list[tuple[str, Nominal | None, float, str]] = [
-        ("no observer", None, 0.0, BARE),
-        (f"motor alone as nominal, $T_f$ = {1e3 * fast_s:.2g} ms", task.rigid, fast_s, FAST),
-        (f"motor alone, $T_f$ = {1e3 * turn.best_s:.2g} ms", task.rigid, turn.best_s, BEST),
-        (f"elastic joint as nominal, $T_f$ = {1e3 * fast_s:.2g} ms", task.elastic, fast_s, ELASTIC),
-    ]
-    figure = Figure(figsize=(14.0, 9.0), layout="constrained")
-    (over, spectrum), (motor, load) = figure.subplots(2, 2)
-    _damping(over, task, turn.break_even_s, turn.best_s)
-    _spectrum(spectrum, task, curves)
-    _course(motor, task, curves, "motor")
-    _course(load, task, curves, "load")
-    figure.legend(*spectrum.get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
-    figure.suptitle("A torque disturbance observer on an elastic joint", ha="left", x=0.01)
+    bare, *fast, best = curves = _curves(task, turn)
+    figure = Figure(figsize=(14.0, 9.5), layout="constrained")
+    panels = figure.subplot_mosaic("AAABBB\nCCDDEE")
+    _damping(panels["A"], task, turn)
+    _spectrum(panels["B"], task, curves)
+    _course(panels["C"], task, (bare, best), "motor")
+    _course(panels["D"], task, fast, "motor")
+    top = _course(panels["E"], task, (*fast, best, bare), "load", leaving=bare)
+    if top:
+        panels["E"].set_ylim(-top, top)
+    figure.legend(*panels["B"].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
+    figure.suptitle(_title(turn), ha="left", x=0.01)
     return figure
 
 
-def _damping(panel: Axes, task: ObserverTask, break_even_s: float | None, best_s: float) -> None:
-    centre = 1.0 / task.joint.antiresonance_rad_s
-    times = centre * np.logspace(-DECADES, DECADES, 400)
-    panel.semilogx(times, [damping(task, t) for t in times], color=FAST, lw=1.8, label="motor alone as nominal")
-    printed = [min(swinging(printed_poles_1_s(task.joint, t)), key=lambda m: m.damping, default=None) for t in times]
-    shown = [np.nan if pair is None else pair.damping for pair in printed]
-    panel.semilogx(times, shown, color=GREY, lw=1.0, ls="--", label="by $H_f$ as printed in source 001")
-    panel.axhline(task.bare.damping, color=ELASTIC, lw=1.4, label="elastic joint as nominal, and no observer")
+def _curves(task: ObserverTask, turn: Turns) -> list[Curve]:
+    fast_s = (turn.excited[0][1] if _excites_first(turn) else turn.best_s) / FASTER
+    fast, best = (f"$T_f$ = {1e3 * t:.3g} ms" for t in (fast_s, turn.best_s))
+    return [
+        Curve("no observer", None, 0.0, BARE),
+        Curve(f"rigid nominal, {fast}", task.rigid, fast_s, FAST),
+        Curve(f"elastic nominal, {fast}", task.elastic, fast_s, ELASTIC),
+        Curve(f"rigid nominal, {best}", task.rigid, turn.best_s, BEST),
+    ]
+
+
+def _excites_first(turn: Turns) -> bool:
+    """Whether fast filters excite, up to some time constant."""
+    return bool(turn.excited) and turn.excited[0][0] == 0.0 and math.isfinite(turn.excited[0][1])
+
+
+def _title(turn: Turns) -> str:
+    where = "of where the observer stops exciting" if _excites_first(turn) else "of that"
+    return (
+        "A torque disturbance observer on an elastic joint\n"
+        f"$T_f$ of the responses is chosen: the best damped, and 1/{FASTER:g} {where}, to show what a fast one does"
+    )
+
+
+def _damping(panel: Axes, task: ObserverTask, turn: Turns) -> None:
+    times = np.logspace(-DECADES, DECADES, 400) / task.joint.antiresonance_rad_s
+    found = [damping(task, t) for t in times]
+    panel.semilogx(1e3 * times, found, color=FAST, lw=1.8, label="rigid nominal")
+    if task.order == 1:
+        printed = [min(swinging(printed_poles_1_s(task.joint, t)), key=lambda m: m.damping, default=None) for t in times]
+        shown = [np.nan if pair is None else pair.damping for pair in printed]
+        panel.semilogx(1e3 * times, shown, color=GREY, lw=1.0, ls="--", label="by $H_f$ as printed in source 001")
+    panel.axhline(task.bare.damping, color=ELASTIC, lw=1.4, label="elastic nominal, and no observer")
     panel.axhline(task.locked.damping, color=GREY, lw=0.8, ls=":", label="load alone, motor standing")
-    for t, colour in ((break_even_s, BARE), (best_s, BEST)):
-        if t is not None:
-            panel.plot([t], [damping(task, t)], "o", ms=8, color=colour)
-            panel.annotate(f" {1e3 * t:.3g} ms", (t, damping(task, t)), color=colour, va="bottom")
+    for name, colour, intervals in (("excited", EXCITED, turn.excited), ("unstable", UNSTABLE, turn.unstable)):
+        for k, (low, high) in enumerate(intervals):
+            ends = 1e3 * max(low, times[0]), 1e3 * min(high, times[-1])
+            panel.axvspan(*ends, color=colour, alpha=0.5, lw=0.0, label="_" if k else f"{name}: ends at {_ends(intervals)} ms")
+    best = f"best: {1e3 * turn.best_s:.3g} ms"
+    panel.plot([1e3 * turn.best_s], [turn.best.damping], "o", ms=8, color=BEST, label=best)
     inside = [t for t in task.time_constants_s if times[0] <= t <= times[-1]]
-    panel.plot(inside, [damping(task, t) for t in inside], ".", ms=9, color=FAST)
-    panel.set_ylabel("damping of the elastic pair")
-    panel.set_xlabel("time constant $T_f$ [s]")
-    panel.set_ylim(0.0, 1.35 * damping(task, best_s))
-    panel.legend(frameon=False, loc="upper left", ncols=2)
+    panel.plot([1e3 * t for t in inside], [damping(task, t) for t in inside], ".", ms=9, color=FAST, label="in the table")
+    panel.set_ylabel("damping, of the least damped poles")
+    panel.set_xlabel("time constant $T_f$ [ms]")
+    panel.set_ylim(ROOM * min(0.0, *found), ROOM * max(turn.best.damping, task.bare.damping))
+    panel.legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, fontsize=9)
     _dress(panel)
 
 
-def _spectrum(panel: Axes, task: ObserverTask, curves: list[tuple[str, Nominal | None, float, str]]) -> None:
+def _ends(intervals: Iterable[tuple[float, float]]) -> str:
+    return ", ".join(f"{1e3 * end:.3g}" for interval in intervals for end in interval if 0.0 < end < math.inf)
+
+
+def _spectrum(panel: Axes, task: ObserverTask, curves: Iterable[Curve]) -> None:
     omega = task.joint.antiresonance_rad_s * np.logspace(-2.0, 1.5, 1200)
     plant = np.polyval(task.joint.load_numerator, 1j * omega) / np.polyval(task.joint.denominator[:-1], 1j * omega)
-    for label, nominal, time_s, colour in curves:
+    for curve in curves:
+        label, nominal, time_s, colour = curve
+        if not _stable(task, curve):
+            panel.plot([], [], color=colour, lw=1.6, label=f"{label}: unstable")
+            continue
         found = plant if nominal is None else task.design(nominal, time_s).disturbance(task.joint, "motor", "load").at(omega)
         panel.loglog(omega, np.abs(found), color=colour, lw=1.6, label=label)
     panel.set_title("speed of the load over a torque on the motor [rad/s per N m]", fontsize=11)
@@ -69,17 +116,27 @@ def _spectrum(panel: Axes, task: ObserverTask, curves: list[tuple[str, Nominal |
     _dress(panel)
 
 
-def _course(panel: Axes, task: ObserverTask, curves: list[tuple[str, Nominal | None, float, str]], place: Place) -> None:
-    """Each over its own peak, which the legend tells: they differ by orders of magnitude."""
-    for _, nominal, time_s, colour in curves:
-        found = course(task, nominal, time_s, place)
-        label = f"peak {found.peak_rad_s:.3g} rad/s"
-        panel.plot(found.t_s, found.speed_rad_s / found.peak_rad_s, color=colour, lw=1.6, label=label)
-    panel.set_title(f"speed of the load after 1 N m on the {place}, over its peak", fontsize=11)
-    panel.set_xlabel("time [s]")
+def _course(panel: Axes, task: ObserverTask, curves: Iterable[Curve], place: Place, leaving: Curve | None = None) -> float:
+    """The height that holds all but one curve, which may leave the panel [rad/s]."""
+    top = highest = 0.0
+    for curve in curves:
+        if not _stable(task, curve):
+            continue
+        found = course(task, curve.nominal, curve.time_constant_s, place)
+        panel.plot(found.t_s, found.speed_rad_s, color=curve.colour, lw=1.6)
+        highest = max(highest, found.peak_rad_s)
+        top = max(top, 0.0 if curve is leaving else ROOM * found.peak_rad_s)
+    panel.set_title(f"speed of the load [rad/s] after 1 N m on the {place}", fontsize=11)
+    panel.set_xlabel(f"time [s]; {leaving.label} leaves the panel" if leaving and highest > top else "time [s]")
     panel.axhline(0.0, color=GREY, lw=0.6)
-    panel.legend(frameon=False, loc="lower right")
     _dress(panel)
+    return top
+
+
+def _stable(task: ObserverTask, curve: Curve) -> bool:
+    if curve.nominal is None:
+        return True
+    return task.design(curve.nominal, curve.time_constant_s).least_damped(task.joint).damping >= 0.0
 
 
 def _dress(panel: Axes) -> None:
