@@ -1,11 +1,14 @@
 """Settings of the whole suite, and the command line as its users meet it."""
 
+import os
 import sys
 
 import pytest
 from hypothesis import settings
 
-from rig.cli import main as command_line
+os.environ.pop("COLUMNS", None)  # consoles made under it would keep its width whatever a test sets
+
+from rig.cli import main as command_line  # noqa: E402
 
 settings.register_profile("swayless", deadline=None)  # a busy machine is no failure
 settings.load_profile("swayless")

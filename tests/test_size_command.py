@@ -133,9 +133,10 @@ def test_the_catalogue_says_of_each_screw_what_it_breaks_and_where_its_figures_c
     assert rows["20x20"]["undecided"] == ["dynamic load", "life", "lead class"]
     assert all(row["broken"] or row["admissible"] for row in rows.values())
     _, said, _ = rig("size", "--example", "appendix", "--all")
-    assert "80V hp 20x5   20 x 5: breaks whirling 16280 > 4072 rpm (-300%)" in said
-    assert "origin of 80V hp 20x20, 80V hp 20x5: source 004, fig. C.12" in said
-    assert "origin of all others: size of the kind ISO 3408-2 lists: typical, general knowledge; confirm with the maker" in said
+    assert "80V hp 20x5 20 x 5: breaks whirling 16280 > 4072 rpm (-300%)" in " ".join(said.split())
+    assert "origin of 80V hp 20x20, 80V hp 20x5: source 004, fig. C.12" in " ".join(said.split())
+    others = "origin of all others: size of the kind ISO 3408-2 lists: typical, general knowledge; confirm with the maker"
+    assert others in " ".join(said.split())
 
 
 def test_refused_entries_are_listed_with_what_they_break_and_by_how_much_only_on_demand(rig):
@@ -388,11 +389,11 @@ def test_without_a_choice_the_verdict_says_which_screw_is_meant_and_what_is_not_
     assert differing == {"choice", "criterion"}
     assert searched["verdict"] == "doubtful"
     assert [reason.partition(":")[0] for reason in searched["reasons"]] == ["dynamic load", "life", "lead class"]
-    verdict = rig("size", path)[1].partition("verdict: ")[2]
+    verdict = " ".join(rig("size", path)[1].partition("verdict: ")[2].split())
     assert verdict.startswith(
         f"{searched['judged']}, best of the 7 that fit (told in full first, then greatest least margin): "
     )
-    assert all(reason in " ".join(verdict.split()) for reason in searched["reasons"])
+    assert all(reason in verdict for reason in searched["reasons"])
     told_in_full = told(spec(SPEC + MY_SCREW + "[wishes]\nlife_h = 1000\nlead_class = 'ISO 5'\n"))
     assert (told_in_full["judged"], told_in_full["verdict"], told_in_full["reasons"]) == ("mine", "good", [])
 
@@ -428,7 +429,8 @@ def test_a_spec_without_a_choice_is_told_as_tables_too(rig, spec):
     assert code == 0
     assert "least lead of all screws" in said
     assert "20x40, best of the 8 that fit: diameter 20 mm, lead 40 mm" in said
-    assert said.endswith("verdict: 20x40, best of the 8 that fit (told in full first, then greatest least margin): fits\n")
+    last = "verdict: 20x40, best of the 8 that fit (told in full first, then greatest least margin): fits"
+    assert " ".join(said.split()).endswith(last)
 
 
 @pytest.mark.parametrize("columns", [80, 120])
