@@ -52,7 +52,7 @@ def _step_s(controller: Controller) -> float:
 
 
 def _python_control_s(spec: ServoSpec) -> float:
-    system = lqg(spec).controller.system  # type: ignore[attr-defined]
+    system = lqg(spec).controller.system
     state, told = np.zeros(system.nstates), np.array([1.0, 100.0, 10.0, 1.0])
 
     def both() -> None:

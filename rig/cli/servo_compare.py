@@ -113,13 +113,14 @@ def compare(
 
         picture_file.save(draw_comparison([row for row in rows if row.truth == truths[0]]), plot)
     verdict, reasons = _verdict(facts, rows)
+    lost = LOST if file is None and not any(change.startswith(OURS) for change in changes or ()) else ()
     if as_json:
-        print_json(_document(spec, facts, rows) | {"verdict": verdict, "reasons": reasons})
+        print_json(_document(spec, facts, rows) | {"verdict": verdict, "reasons": reasons, "source_001": " ".join(lost)})
     else:
         _print_designs(spec, facts)
         _print(rows, names)
-        if file is None and not any(change.startswith(OURS) for change in changes or ()):
-            out.print("\n".join(LOST), style="dim")
+        for line in lost:
+            out.print(line, style="dim")
         _print_verdict(rows, names, facts, reasons)
     return BAD_DATA if verdict == "bad" else 0
 
@@ -168,7 +169,6 @@ def _document(spec: ServoSpec, facts: Mapping[str, Facts], rows: Sequence[Row]) 
             | _current(spec, row)
             for row in rows
         ],
-        "source_001": " ".join(LOST),
     }
 
 
