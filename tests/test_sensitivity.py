@@ -473,5 +473,5 @@ def test_the_ending_of_the_plot_file_says_its_kind_and_another_or_no_folder_is_r
         assert mark in (tmp_path / name).read_bytes()
     with pytest.raises(RigError, match=r"curves.xls'; must end in one of .svg, .png, .pdf: rename it"):
         curves.draw(few, tmp_path / "curves.xls")
-    with pytest.raises(OSError, match="nowhere"):
+    with pytest.raises(RigError, match=r"no folder '.*nowhere'; must be there: make it, or name another"):
         curves.draw(few, tmp_path / "nowhere" / "curves.png")

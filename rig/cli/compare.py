@@ -19,11 +19,12 @@ from rich.text import Text
 
 from comms.clock import stopwatch_s
 from planners.errors import unknown_name
-from rig.cli.output import check_folder, out, print_json, working
+from rig.cli.output import out, print_json, working
 from rig.compare import table as tables
 from rig.compare.published import METHODS, TABLES
 from rig.compare.table import Comparison, tolerance
 from rig.errors import BAD_DATA, ConfigError
+from rig.picture_file import check_folder
 
 CHOICES = (*TABLES, "all", "sensitivity")
 WIDTH = 140  # characters of a line in a file: a table of two bars needs 134
@@ -101,7 +102,6 @@ def _sensitivity(plot: Path | None, csv_file: Path | None, as_json: bool) -> int
     path = None if as_json and plot is None else plot or Path("sensitivity.svg")
     if path is not None:
         picture_file.check(path)
-        check_folder("--plot", path)
     with working("curves of every plan, on the linear and on the true load: about 10 s"):
         document = sensitivity_document()
         if path is not None:

@@ -16,7 +16,7 @@ from planners.laws.catalogue import Coefficients, catalogue
 from planners.laws.rect_cascade import LIMITS
 from planners.models.pendulum import PendulumModel
 from planners.swing_free import swing_free_cycles
-from rig.cli.output import out, print_json, wide, working
+from rig.cli.output import PLAIN, out, print_json, wide, working
 from rig.config import LimitsSection, ModelSection
 from rig.errors import ConfigError
 from rig.law_moves import WORDS, LawMove, law_move, period_s
@@ -38,7 +38,6 @@ MOVES_COLUMNS = (
     ("nonlinear", "[mrad]"),
     ("no swing in", "[s]"),
 )
-PLAIN: Any = {"title_justify": "left", "box": None, "padding": (0, 2, 0, 0)}
 LEGEND = (
     "Cv = max |speed| T/h, Ca = max |acceleration| T²/h, rms over the move of h in the time T. Cn: derivative n has no step.",
     "A load of period Tn without damping is left at rest when T/Tn is one of the last column (T: the duration of the move).",

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -14,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from rig.analysis.summary import QUANTITIES, LinkSummary, Quantities, Summary
-from rig.errors import OK, ConfigError
+from rig.errors import OK
 
 
 class _Pipe(Console):
@@ -32,6 +31,7 @@ out = _Pipe(highlight=False, soft_wrap=True, markup=False)
 wide = _Pipe(width=140, highlight=False, markup=False)  # for tables that a narrower terminal may wrap, not cut
 err = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
 
+PLAIN: Any = {"title_justify": "left", "box": None, "padding": (0, 2, 0, 0)}
 COLOUR = {"good": "green", "doubtful": "yellow", "bad": "red"}
 
 
@@ -53,10 +53,17 @@ def working(what: str, *, quiet: bool = False) -> Iterator[None]:
     yield
 
 
-def check_folder(option: str, path: Path) -> None:
-    """Raises ConfigError for a file in no folder; worth asking before long work."""
-    if not path.parent.is_dir():
-        raise ConfigError(f"{option} {str(path)!r}: no folder '{path.parent}'; must be there: make it, or name another")
+def plain_table(title: str, headers: Sequence[str], left: int = 1) -> Table:
+    """A table without lines; all but the first columns are figures. A header may have two lines, name and unit."""
+    view = Table(title=title, **PLAIN)
+    for k, header in enumerate(headers):
+        view.add_column(header, justify="left" if k < left else "right", no_wrap=True)
+    return view
+
+
+def say(text: str, style: str | None = None) -> None:
+    """A paragraph, wrapped at the terminal's width."""
+    out.print(text, style=style, soft_wrap=False)
 
 
 def _finite(value: Any) -> Any:

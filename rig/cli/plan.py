@@ -18,7 +18,7 @@ from planners.models.chain import ChainModel
 from planners.models.model import INPUTS, LAG_S, cart_of
 from planners.problem import Limits, Plan, Problem
 from rig import picture_file
-from rig.cli.output import check_folder, out, print_json
+from rig.cli.output import out, print_json
 from rig.config import LimitsSection, ModelSection
 from rig.errors import REFUSED, ConfigError
 from rig.job import model_of
@@ -86,9 +86,8 @@ def plan(
         raise ConfigError(f"--robust {', '.join(robust or [])!r}; must name each parameter once: e.g. --robust length")
     if plot is not None:
         picture_file.check(plot)
-        check_folder("--plot", plot)
     if csv_file is not None:
-        check_folder("--csv", csv_file)
+        picture_file.check_folder("--csv", csv_file)
     believed = ModelSection(
         length_m=length,
         links=links.split(",") if links else [],

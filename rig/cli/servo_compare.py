@@ -12,7 +12,7 @@ import typer
 from rich.progress import Progress
 from rich.table import Table
 
-from rig.cli.output import check_folder, err, out, print_json, wide
+from rig.cli.output import PLAIN, err, out, print_json, wide
 from rig.errors import BAD_DATA, ConfigError
 
 if TYPE_CHECKING:
@@ -100,7 +100,6 @@ def compare(
         from rig import picture_file
 
         picture_file.check(plot)
-        check_folder("--plot", plot)
     spec = load(file, changes or ())
     if seed is not None:
         spec = msgspec.structs.replace(spec, seed=seed)
@@ -198,7 +197,7 @@ def _print_designs(spec: ServoSpec, facts: Mapping[str, Facts]) -> None:
     from rig.servo_studies.compare import built
 
     title = f"loops on the joint believed in, sampled every {1e3 * spec.drive.period_s:g} ms; broken at the motor's torque"
-    table = Table(title=title, title_justify="left", box=None, padding=(0, 2, 0, 0))
+    table = Table(title=title, **PLAIN)
     for name, unit in DESIGNS:
         table.add_column(f"{name}\n{unit}", justify="right" if unit or name == "gain margins" else "left", no_wrap=True)
     for name, found in facts.items():
@@ -229,7 +228,7 @@ def _margins(found: Facts) -> tuple[str, ...]:
 
 
 def _print(rows: Sequence[Row], names: Sequence[str]) -> None:
-    table = Table(title="controllers of the elastic joint", title_justify="left", box=None, padding=(0, 2, 0, 0))
+    table = Table(title="controllers of the elastic joint", **PLAIN)
     for name, unit in COLUMNS:
         told, figure = (f"of {names[0]}", True) if name == SHARE else (name, bool(unit))
         table.add_column(f"{told}\n{unit}", justify="right" if figure else "left", no_wrap=True)

@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from rig.cli.output import check_folder, out, print_json, wide
+from rig.cli.output import plain_table, print_json, say, wide
 from rig.errors import ConfigError
 
 if TYPE_CHECKING:
     from rig.servo.two_mass import TwoMass
     from rig.servo_studies.notch import NotchRow, NotchTask, Sampled
 
-PLAIN: Any = {"title_justify": "left", "box": None, "padding": (0, 2, 0, 0)}
 EXAMPLE = {"antiresonance": 200.0, "inertia_ratio": 1.0, "damping": 0.1}  # source 001, its simulations
 RANGES = {
     "antiresonance": (1e-3, 1e6, "give rad/s; source 001's is 200"),
@@ -84,7 +83,6 @@ def notch(
         from rig import picture_file
 
         picture_file.check(plot)
-        check_folder("--plot", plot)
     _check(
         speed_loop=speed_loop,
         position_loop=position_loop,
@@ -210,20 +208,15 @@ def _print(
     period_s: float,
 ) -> None:
     wide.print(_pole_table(joint, task, rows))
-    _say(POLE_LEGEND, "dim")
+    say(POLE_LEGEND, "dim")
     wide.print(_response_table("\nWhat the load does", rows))
     if wrong:
         wide.print(_response_table("\nThe same when the notch is tuned wrongly", wrong))
-    _say(LEGEND, "dim")
+    say(LEGEND, "dim")
     wide.print(_digital_table(digital, period_s))
     for line in _verdict(rows):
-        _say(line)
-    _say(_inferred(joint), "dim")
-
-
-def _say(text: str, style: str | None = None) -> None:
-    """Wrapped at the terminal's width."""
-    out.print(text, style=style, soft_wrap=False)
+        say(line)
+    say(_inferred(joint), "dim")
 
 
 def _pole_table(joint: str, task: NotchTask, rows: Sequence[NotchRow]) -> Table:
@@ -233,7 +226,7 @@ def _pole_table(joint: str, task: NotchTask, rows: Sequence[NotchRow]) -> Table:
     title += f"Tiv {task.gains.reset_time_s:.6g} s, Kpp {task.gains.position_gain_1_s:.6g} 1/s"
     pairs = [name + BOTH for name in ("tuned to", "speed loop", "position loop", "hidden")]
     margins = [f"{loop} loop\n{what}" for loop in ("speed", "position") for what in ("margin\n[°]", "crossover\n[rad/s]")]
-    view = _table(title, ("notch", *pairs, *margins), left=1)
+    view = plain_table(title, ("notch", *pairs, *margins), left=1)
     for row in rows:
         tuned = "" if row.notch is None else _mode(row.notch.frequency_rad_s, row.notch.numerator_damping)
         loops = ("\n".join(_mode(*mode) for mode in modes) for modes in (row.speed_modes, row.position_modes, row.hidden))
@@ -246,7 +239,7 @@ def _pole_table(joint: str, task: NotchTask, rows: Sequence[NotchRow]) -> Table:
 def _response_table(title: str, rows: Sequence[NotchRow]) -> Table:
     margins = ("speed loop\nmargin [°]", "position loop\nmargin [°]")
     figures = ("motor step\n[rad/s]", "load step\n[rad/s]", "peak\n[rad/s]", "rings\n[%]", "overshoot\n[%]", "settled\n[s]")
-    view = _table(title, ("notch", "tuned", f"least damped{BOTH}", *margins, *figures), left=1)
+    view = plain_table(title, ("notch", "tuned", f"least damped{BOTH}", *margins, *figures), left=1)
     for row in rows:
         view.add_row(
             row.name,
@@ -268,7 +261,7 @@ def _digital_table(rows: Sequence[Sampled], period_s: float) -> Table:
     names = ("notch", "tuned to\n[rad/s]", "without prewarp\nat [rad/s]", "shift\n[%]")
     passes = ("passes\n[%]", "prewarped\n[%]", "without\n[%]")
     title = f"\nSampled every {1e3 * period_s:g} ms (bilinear): what passes of the frequency itself"
-    view = _table(title, (*names, *passes), left=1)
+    view = plain_table(title, (*names, *passes), left=1)
     for row in rows:
         passed = (f"{100.0 * share:.4f}" for share in (row.depth, row.prewarped, row.unwarped))
         figures = (f"{row.frequency_rad_s:.6g}", f"{row.unwarped_rad_s:.6g}", f"{100.0 * row.shift:.4f}")
@@ -294,10 +287,3 @@ def _verdict(rows: Sequence[NotchRow]) -> list[str]:
 
 def _mode(frequency_rad_s: float, damping: float) -> str:
     return f"{frequency_rad_s:.2f}  {damping:.3f}"
-
-
-def _table(title: str, headers: Sequence[str], left: int) -> Table:
-    view = Table(title=title, **PLAIN)
-    for k, header in enumerate(headers):
-        view.add_column(header, justify="left" if k < left else "right", no_wrap=True)
-    return view

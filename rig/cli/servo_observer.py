@@ -11,14 +11,13 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from rig.cli.output import COLOUR, check_folder, out, print_json, wide
+from rig.cli.output import COLOUR, plain_table, print_json, say, wide
 from rig.errors import ConfigError
 
 if TYPE_CHECKING:
     from rig.servo.loops import Mode
     from rig.servo_studies.observer import Interval, ObserverRow, ObserverTask, Rejection, Turns
 
-PLAIN: Any = {"title_justify": "left", "box": None, "padding": (0, 2, 0, 0)}
 CORNER = "T_f\n[ms]"
 LIMIT = 1e6  # a filter this much faster or slower than the joint is told as the limit
 PAIR_LEGEND = (
@@ -70,7 +69,6 @@ def observer(
         from rig import picture_file
 
         picture_file.check(plot)
-        check_folder("--plot", plot)
     times = TIME_CONSTANTS_S if time_constants is None else _numbers(time_constants)
     _check(nominal_inertia, order)
     task = ObserverTask(joint=named_joint(joint), time_constants_s=times, nominal_inertia_kg_m2=nominal_inertia, order=order)
@@ -142,20 +140,15 @@ def _told(side: Rejection) -> dict[str, Any]:
 
 def _print(joint: str, task: ObserverTask, rows: Sequence[ObserverRow], bare: Rejection, turn: Turns) -> None:
     wide.print(_pair_table(joint, task, rows, bare))
-    _say(f"{PAIR_LEGEND} {PRINTED_LEGEND}" if task.order == 1 else PAIR_LEGEND, "dim")
+    say(f"{PAIR_LEGEND} {PRINTED_LEGEND}" if task.order == 1 else PAIR_LEGEND, "dim")
     wide.print(_torque_table(task, rows, bare))
-    _say(TORQUE_LEGEND, "dim")
+    say(TORQUE_LEGEND, "dim")
     for line in _verdict(task, rows, turn):
-        _say(line)
+        say(line)
     for line in _cautions(turn):
-        _say(line, COLOUR["bad" if "unstable" in line else "doubtful"])
+        say(line, COLOUR["bad" if "unstable" in line else "doubtful"])
     if joint in INFERRED:
-        _say(INFERRED[joint], "dim")
-
-
-def _say(text: str, style: str | None = None) -> None:
-    """Wrapped at the terminal's width."""
-    out.print(text, style=style, soft_wrap=False)
+        say(INFERRED[joint], "dim")
 
 
 def _pair_table(joint: str, task: ObserverTask, rows: Sequence[ObserverRow], bare: Rejection) -> Table:
@@ -163,7 +156,7 @@ def _pair_table(joint: str, task: ObserverTask, rows: Sequence[ObserverRow], bar
     title = f"Joint {joint}: Jm {j.motor_inertia_kg_m2:.6g}, Jlr {j.reflected_inertia_kg_m2:.6g} kg m²; "
     title += f"rigid nominal of {task.rigid.denominator[0]:.6g} kg m²; Q of order {task.order}"
     poles = [f"{name}\n[rad/s], damping" for name in ("rigid nominal", "elastic nominal", "stiff load, rigid nominal")]
-    view = _table(title, (CORNER, poles[0], "effect", *poles[1:], *["H_f as printed\n[rad/s], damping"] * first))
+    view = plain_table(title, (CORNER, poles[0], "effect", *poles[1:], *["H_f as printed\n[rad/s], damping"] * first))
     view.add_row("none", _mode(bare.least_damped), "", _mode(bare.least_damped), "", *[""] * first)
     for row in rows:
         effect = task.effect(row.rigid.least_damped.damping)
@@ -181,7 +174,7 @@ def _pair_table(joint: str, task: ObserverTask, rows: Sequence[ObserverRow], bar
 def _torque_table(task: ObserverTask, rows: Sequence[ObserverRow], bare: Rejection) -> Table:
     steps = [f"{place} step:\n{what}" for place in ("motor", "load") for what in ("peak [rad/s]", "rings")]
     headers = (CORNER, "nominal", "low,\nshare", "largest\n[rad/s per N m]", *steps, "stiff load:\nlow, share")
-    view = _table("\nWhat a torque does to the load", headers)
+    view = plain_table("\nWhat a torque does to the load", headers)
     view.add_row("none", "", *_figures(bare), "1")
     for row in rows:
         view.add_row(_corner(task, row.time_constant_s), "rigid", *_figures(row.rigid), _figure(row.stiff_low))
@@ -268,10 +261,3 @@ def _at(corners: Sequence[str]) -> str:
 
 def _mode(pair: Mode | None) -> str:
     return "none swings" if pair is None else f"{pair.frequency_rad_s:.6g}  {pair.damping:.4f}"
-
-
-def _table(title: str, headers: Sequence[str]) -> Table:
-    view = Table(title=title, **PLAIN)
-    for k, header in enumerate(headers):
-        view.add_column(header, justify="right" if k else "left", no_wrap=True)
-    return view

@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from rig.cli.output import check_folder, out, print_json, wide
+from rig.cli.output import out, plain_table, print_json, wide
 
 if TYPE_CHECKING:
     from planners.pieces import FloatArray
     from planners.shapers import Shaper
     from rig.servo_studies.shaping import Robustness, ShapingTask
 
-PLAIN: Any = {"title_justify": "left", "box": None, "padding": (0, 2, 0, 0)}
 LEGEND = (
     "same instant: shaped over unshaped swing once all impulses are over; at the start: over the swing of one impulse at 0",
     "(Singer & Seering 1990). Left: the latter on the assumed mode; 5 % band: width in frequency, as a share of it, in which",
@@ -58,7 +57,6 @@ def shaping(
         from rig import picture_file  # matplotlib takes its time
 
         picture_file.check(plot)
-        check_folder("--plot", plot)
     task = ShapingTask(
         frequency_rad_s=frequency,
         damping=damping,
@@ -125,7 +123,7 @@ def _print(task: ShapingTask, rows: Sequence[Robustness], pulses: dict[str, Floa
 
 
 def _impulse_table(task: ShapingTask, rows: Sequence[Robustness]) -> Table:
-    view = _table(
+    view = plain_table(
         f"Impulses for {task.frequency_rad_s:g} rad/s and damping {task.damping:g}",
         ("shaper", "", "amplitudes and times [s]", "length [s]", "left [%]", "5 % band"),
         left=3,
@@ -150,7 +148,7 @@ def _impulse_table(task: ShapingTask, rows: Sequence[Robustness]) -> Table:
 
 def _residual_table(task: ShapingTask, rows: Sequence[Robustness]) -> Table:
     alone = (f"damping alone ×{1.0 + task.damping_error:g}", f"×{1.0 - task.damping_error:g}")
-    view = _table("\nLeft of the swing [%] when frequency, damping are", ("shaper", "over", *_cases(task), *alone), left=2)
+    view = plain_table("\nLeft of the swing [%] when frequency, damping are", ("shaper", "over", *_cases(task), *alone), left=2)
     for row in rows:
         view.add_row(row.name, "same instant", *_percent(row.same_instant), *_percent(row.damping_only))
         view.add_row("", "at the start", *_percent(row.singer_seering))
@@ -159,7 +157,7 @@ def _residual_table(task: ShapingTask, rows: Sequence[Robustness]) -> Table:
 
 def _pulse_table(task: ShapingTask, pulses: dict[str, FloatArray]) -> Table:
     title = f"\nVibration of the load's speed [%] after {task.pulse_s:g} s of torque"
-    view = _table(title, ("shaper", "as assumed", *_cases(task)), left=1)
+    view = plain_table(title, ("shaper", "as assumed", *_cases(task)), left=1)
     for name, left in pulses.items():
         view.add_row(name, *_percent(left, 4))
     return view
@@ -171,10 +169,3 @@ def _cases(task: ShapingTask) -> Iterable[str]:
 
 def _percent(shares: FloatArray, digits: int = 6) -> Iterable[str]:
     return (f"{100.0 * share:.{digits}f}" for share in shares)
-
-
-def _table(title: str, headers: Sequence[str], left: int) -> Table:
-    view = Table(title=title, **PLAIN)
-    for k, header in enumerate(headers):
-        view.add_column(header, justify="left" if k < left else "right", no_wrap=True)
-    return view

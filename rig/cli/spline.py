@@ -23,7 +23,7 @@ from planners.splines.limits import OF_ORDER, AxisLimits
 from planners.splines.minimum_time import SHAPES, minimum_time
 from planners.trajectory import Trajectory
 from rig import picture_file
-from rig.cli.output import check_folder, out, print_json, wide, working
+from rig.cli.output import out, print_json, wide, working
 from rig.errors import REFUSED, ConfigError
 from rig.waypoints import AXES, Waypoints, read_waypoints
 
@@ -92,9 +92,8 @@ def spline(
         position_min_m=-math.inf if position_min is None else position_min,
         position_max_m=math.inf if position_max is None else position_max,
     )
-    for option, path in (("--csv", csv_file), ("--plot", plot)):
-        if path is not None:
-            check_folder(option, path)
+    if csv_file is not None:
+        picture_file.check_folder("--csv", csv_file)
     if plot is not None:
         picture_file.check(plot)
     points = read_waypoints(file)

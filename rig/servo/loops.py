@@ -144,7 +144,3 @@ def continuous(found: Any, dt: Any) -> ComplexArray:
     if not dt:
         return values
     return np.asarray(np.log(values[np.abs(values) > DELAY]) / float(dt))
-
-
-def _or_inf(value: float) -> float:
-    return float(value) if math.isfinite(value) else math.inf
