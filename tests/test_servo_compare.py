@@ -22,13 +22,18 @@ from rig.servo.loops import swinging
 from rig.servo.setpoint import Setpoint
 from rig.servo.state_feedback import lq
 from rig.servo_studies import bench_run
-from rig.servo_studies.compare import Row, compare, designs
+from rig.servo_studies.compare import Row, built, designs
+from rig.servo_studies.compare import compare as runs
 from rig.servo_studies.controllers import CONTROLLERS
 from rig.servo_studies.spec import load
 
 EXPERIMENTS = tomllib.loads((Path(__file__).parent / "data" / "servo_compare.toml").read_text())["experiment"]
 TRUTHS = ("listed", "ripple", "friction", "fitted", "together")
 SPEC = load(None)
+
+
+def compare(spec, truths, names):
+    return runs(spec, truths, built(spec, names))
 
 
 @pytest.fixture(scope="module")
@@ -122,7 +127,7 @@ def test_a_controller_steps_as_the_linear_system_that_its_loop_is_judged_by(name
 
 
 def test_designs_are_judged_by_their_loops():
-    found = designs(SPEC, list(CONTROLLERS))
+    found = designs(SPEC, built(SPEC, list(CONTROLLERS)))
     assert found["pid"].condition == found["pid_shaped"].condition  # a shaper is outside of the loop
     assert found["lqg"].margins == found["lqg_ff"].margins
     for name, facts in found.items():

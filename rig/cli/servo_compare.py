@@ -18,6 +18,7 @@ from rig.errors import BAD_DATA, ConfigError
 if TYPE_CHECKING:
     from rig.servo.loops import Facts
     from rig.servo_studies.compare import Row
+    from rig.servo_studies.controllers import Drive
     from rig.servo_studies.spec import ServoSpec
 
 SHOWN = "pid,pid_ff,lqg"
@@ -92,7 +93,7 @@ def compare(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")] = False,
 ) -> int:
     """Compare controllers of an elastic joint on the simulated bench: vibration that is left, error, torque."""
-    from rig.servo_studies.compare import designs  # scipy takes its time
+    from rig.servo_studies.compare import built, designs  # scipy takes its time
     from rig.servo_studies.controllers import CONTROLLERS
     from rig.servo_studies.spec import load
 
@@ -105,8 +106,9 @@ def compare(
         spec = msgspec.structs.replace(spec, seed=seed)
     names = list(CONTROLLERS) if controllers == "all" else _words("--controllers", controllers)
     truths = list(spec.truth) if truth == "all" else _words("--truth", truth)
-    facts = designs(spec, names)
-    rows = _rows(spec, truths, names, quiet=as_json)
+    drives = built(spec, names)
+    facts = designs(spec, drives)
+    rows = _rows(spec, truths, drives, quiet=as_json)
     if plot is not None:
         from rig.servo_studies.compare_figure import draw_comparison
 
@@ -116,7 +118,7 @@ def compare(
     if as_json:
         print_json(_document(spec, facts, rows) | {"verdict": verdict, "reasons": reasons, "source_001": " ".join(lost)})
     else:
-        _print_designs(spec, facts)
+        _print_designs(spec, facts, drives)
         _print(rows, names)
         for line in lost:
             out.print(line, style="dim")
@@ -131,10 +133,10 @@ def _words(option: str, text: str) -> list[str]:
     return words
 
 
-def _rows(spec: ServoSpec, truths: Sequence[str], names: Sequence[str], *, quiet: bool) -> list[Row]:
+def _rows(spec: ServoSpec, truths: Sequence[str], drives: Mapping[str, Drive], *, quiet: bool) -> list[Row]:
     from rig.servo_studies.compare import compare as runs
 
-    total, coming, rows = len(truths) * len(spec.move) * len(names), runs(spec, truths, names), []
+    total, coming, rows = len(truths) * len(spec.move) * len(drives), runs(spec, truths, drives), []
     with Progress(console=err, transient=True, disable=quiet or not err.is_terminal) as progress:
         bar = progress.add_task("moves", total=total)
         if not quiet and not err.is_terminal:
@@ -190,11 +192,10 @@ def _current(spec: ServoSpec, row: Row) -> dict[str, float | None]:
     return {"peak_current_a": row.outcome.peak_torque_n_m / k if k else None}
 
 
-def _print_designs(spec: ServoSpec, facts: Mapping[str, Facts]) -> None:
+def _print_designs(spec: ServoSpec, facts: Mapping[str, Facts], drives: Mapping[str, Drive]) -> None:
     import numpy as np
 
     from rig.servo.loops import swinging
-    from rig.servo_studies.compare import built
 
     title = f"loops on the joint believed in, sampled every {1e3 * spec.drive.period_s:g} ms; broken at the motor's torque"
     table = Table(title=title, **PLAIN)
@@ -214,7 +215,7 @@ def _print_designs(spec: ServoSpec, facts: Mapping[str, Facts]) -> None:
         table.add_row(name, *cells)
     wide.print(table)
     out.print("\n".join(DESIGN_LEGEND), style="dim")
-    for name, drive in built(spec, list(facts)).items():
+    for name, drive in drives.items():
         if drive.note:
             out.print(f"{name}: {drive.note}", style="dim")
     out.print()

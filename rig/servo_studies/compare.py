@@ -32,14 +32,6 @@ class Row(NamedTuple):
     recording: Recording
 
 
-def designs(spec: ServoSpec, controllers: Sequence[str]) -> dict[str, Facts]:
-    """Every controller's sampled loop around the joint that is believed in: opened at the motor's torque, closed from the
-    setpoint's angle to the motor's. Raises what compare() does.
-    """
-    drives = built(spec, controllers)
-    return {name: position_loop(spec.joint, [drive.loop], spec.drive.period_s).facts for name, drive in drives.items()}
-
-
 def built(spec: ServoSpec, controllers: Sequence[str]) -> dict[str, Drive]:
     """By name. Raises PlanError for a controller nobody knows, ServoError for gains that cannot be had."""
     for name in controllers:
@@ -48,19 +40,25 @@ def built(spec: ServoSpec, controllers: Sequence[str]) -> dict[str, Drive]:
     return {name: CONTROLLERS[name](spec) for name in controllers}
 
 
-def compare(spec: ServoSpec, truths: Sequence[str], controllers: Sequence[str]) -> Iterator[Row]:
+def designs(spec: ServoSpec, drives: Mapping[str, Drive]) -> dict[str, Facts]:
+    """Every controller's sampled loop around the joint that is believed in: opened at the motor's torque, closed from the
+    setpoint's angle to the motor's.
+    """
+    return {name: position_loop(spec.joint, [drive.loop], spec.drive.period_s).facts for name, drive in drives.items()}
+
+
+def compare(spec: ServoSpec, truths: Sequence[str], drives: Mapping[str, Drive]) -> Iterator[Row]:
     """Runs one after the other, all of a truth and a move together.
 
-    Raises, before the first run, ConfigError or PlanError for a truth or controller nobody knows, ServoError for gains that
-    cannot be had.
+    Raises ConfigError, before the first run, for a truth that the file has not or that is none, and for too much work.
     """
-    drives, paths = built(spec, controllers), [move.trajectory(spec.model.gear_ratio) for move in spec.move]
+    paths = [move.trajectory(spec.model.gear_ratio) for move in spec.move]
     tables = {truth: spec.truth_tables(truth) for truth in truths}
     bench.elastic_joint(spec.bench, spec.seed)
     for truth in truths:
         bench.elastic_joint(tables[truth], spec.seed, f"truth.{truth}")
     _check_work(spec, truths, drives)
-    order = product(truths, range(len(paths)), controllers)
+    order = product(truths, range(len(paths)), drives)
     return (_run(spec, truth, tables[truth], move, paths[move], name, drives[name]) for truth, move, name in order)
 
 
