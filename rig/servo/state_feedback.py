@@ -24,6 +24,7 @@ from rig.servo.riccati import least_cost
 from rig.servo.two_mass import TwoMass
 
 SETTLING = 1e-9  # real part of the slowest pole to be had, as a share of the fastest: below it is rounding
+MAX_SAMPLED_ENTRY = 1e9  # of A period in sample units: the exponential of a larger one is rounding in its seventh digit
 
 
 @dataclass(frozen=True)
@@ -91,7 +92,7 @@ def augmented_units(joint: TwoMass) -> Units:
 def sampled_joint(joint: TwoMass, period_s: float) -> tuple[FloatArray, FloatArray]:
     """exp(A period) (4, 4) and the effect (4,) of a motor torque held for a period.
 
-    Raises ServoError for a sample time out of bounds or too long for a damper in floating point, BeyondNyquist when the joint
+    Raises ServoError for a sample time out of bounds or too long for the joint in floating point, BeyondNyquist when the joint
     swings faster than half the sampling.
     """
     from scipy.linalg import expm
@@ -102,14 +103,15 @@ def sampled_joint(joint: TwoMass, period_s: float) -> tuple[FloatArray, FloatArr
     units, whole = sample_units(period_s), np.zeros((5, 5))
     whole[:4, :4] = units.matrix(joint.state_matrix)
     whole[:4, 4] = joint.input_matrix[:, 0] / units.states / units.rate_1_s
-    with np.errstate(all="ignore"):
-        after = np.asarray(expm(whole))[:4]
-    if not np.all(np.isfinite(after)):
+    largest = float(np.max(np.abs(whole[:4, :4])))
+    if not largest <= MAX_SAMPLED_ENTRY:
         fastest_1_s = float(np.max(np.abs(joint.poles_1_s)))
         raise ServoError(
-            f"period_s = {period_s:g} for a joint with a pole at -{fastest_1_s:.3g} 1/s, which floating point does not hold: "
-            "lower its damping, or treat it as rigid"
+            f"period_s = {period_s:g} for a joint with a pole at -{fastest_1_s:.3g} 1/s: the largest entry of its sampled "
+            f"equations is {largest:.3g}; must be <= {MAX_SAMPLED_ENTRY:g} to hold in floating point: "
+            "sample faster, lower its damping, or treat it as rigid"
         )
+    after = np.asarray(expm(whole))[:4]
     return after[:, :4] * units.states[:, None] / units.states, after[:, 4] * units.states
 
 
