@@ -107,7 +107,7 @@ def loop(job: Job, timed: bool) -> tuple[float, dict[str, float]]:
 def tracker() -> tuple[float, float]:
     """Median seconds a frame, following and cold, on frames of a load swinging by 20 degrees."""
     chosen = config.load("free_decay", ["bench.pendulum.initial_swing_rad=0.349", "bench.camera.pitch_deg=0"])
-    world = bench.task(prepare(chosen, None).settings["bench"])
+    world = bench.task(prepare(chosen, None, bench.plant(chosen)).settings["bench"])
     sends = list(world.start(0).sends)
     for t in range(5, FRAMES * 20, 5):
         sends += world.on_tick(t * 1_000_000).sends
@@ -137,7 +137,7 @@ def main() -> None:
     print(f"interpreter: sum(range(1000)) in {interpreter_us():.1f} us")
     for name, changes in (("with camera and log", []), ("without camera, with log", ["camera.rate_hz=0"])):
         chosen = config.load("move", changes)
-        job = prepare(chosen, plan_move(chosen))
+        job = prepare(chosen, plan_move(chosen), bench.plant(chosen))
         seconds = statistics.median(loop(job, timed=False)[0] for _ in range(REPEATS))
         whole, spent = loop(job, timed=True)
         rest = whole - sum(spent.values())

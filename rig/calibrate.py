@@ -19,7 +19,7 @@ from rig.analysis.offsets import OffsetCalibration, Watch, calibrate_offsets
 from rig.analysis.run_log import SETTLE_S, RunLog
 from rig.calibration_file import Calibration
 from rig.config import Experiment
-from rig.job import belief
+from rig.load_model import belief
 
 POINTS_M = (-0.2, -0.1, 0.0, 0.1, 0.2)
 HOP_S = 2.0
@@ -59,24 +59,24 @@ def tour(experiment: Experiment, points_m: tuple[float, ...] = POINTS_M) -> Tour
     return Tour(Motion.along("x", path), stands[:-1])
 
 
-def fit(run: RunLog, stands_s: list[tuple[float, float]]) -> tuple[OffsetCalibration, Calibration]:
+def fit(run: RunLog, experiment: Experiment, stands_s: list[tuple[float, float]]) -> tuple[OffsetCalibration, Calibration]:
     """The calibration in a run's log. Raises AnalysisError when a point was not seen well enough."""
-    vision = run.experiment.vision
+    vision = experiment.vision
     samples = [a for a in run.angles if a.valid]
     watches = [_watch(samples, run.t_move_s + t0, run.t_move_s + t1) for t0, t1 in stands_s]
     found = calibrate_offsets(
         watches,
         pivot_home_px=vision.rough_pivot_px,
         pixels_per_m=vision.rough_pixels_per_m,
-        natural_frequency_hz=belief(run.experiment).natural_frequency_rad_s / (2 * math.pi),
+        natural_frequency_hz=belief(experiment).natural_frequency_rad_s / (2 * math.pi),
     )
     frames = run.frames
     calibration = Calibration(
         made=utc_now().isoformat(timespec="seconds"),
         camera=next(iter(frames.values())).camera if frames else "unknown",
-        seed=run.experiment.experiment.seed,
-        width=run.experiment.camera.width,
-        height=run.experiment.camera.height,
+        seed=experiment.experiment.seed,
+        width=experiment.camera.width,
+        height=experiment.camera.height,
         pivot_home_px=(round(found.pivot_home_px[0], 4), round(found.pivot_home_px[1], 4)),
         pixels_per_m=round(found.pixels_per_m, 4),
         x_m=[round(float(x), 6) for x in found.x_m],

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import msgspec
 
-from rig import config
+from rig import config, toml_file
 from rig.errors import ConfigError
 from vision.errors import VisionError
 from vision.offset_table import OffsetTable
@@ -42,13 +42,13 @@ def find(experiment: config.Experiment) -> tuple[str, Calibration | None]:
             raise ConfigError("[vision] calibration = 'shipped': none is shipped; make one with `rig calibrate offsets`")
         name, tables = known[-1], config.read_shipped_calibration(known[-1])
     elif Path(name).is_file():
-        tables = config.read_toml(Path(name), "calibration", "make it again")
+        tables = toml_file.read_toml(Path(name), "calibration", "make it again")
     else:
         raise ConfigError(
             f"[vision] calibration = '{name}': no such file; make one with `rig calibrate offsets`, "
             f"or name 'shipped' ({', '.join(known) or 'none here'}) or 'none'"
         )
-    calibration = config.convert(tables, Calibration, "calibration")
+    calibration = toml_file.convert(tables, Calibration, "calibration")
     size, expected = (calibration.width, calibration.height), (experiment.camera.width, experiment.camera.height)
     if size != expected:
         raise ConfigError(f"calibration '{name}' is for pictures of {size}; [camera] says {expected}: calibrate again")

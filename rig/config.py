@@ -5,12 +5,10 @@
 
 from __future__ import annotations
 
-import difflib
-import re
 import tomllib
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar, get_args, get_type_hints
+from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta
@@ -18,17 +16,13 @@ from msgspec import Meta
 from comms.channels import DATA
 from comms.link import LinkFaults
 from rig.errors import ConfigError
+from rig.toml_file import Section, convert, nearest, override, read_toml
 
 Positive = Annotated[float, Meta(gt=0, le=1e6)]
 NotNegative = Annotated[float, Meta(ge=0, le=1e6)]
 Place = Annotated[float, Meta(ge=-10, le=10)]
 Pixel = Annotated[float, Meta(ge=-1e5, le=1e5)]
 Name = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_\-]{1,60}$")]
-T = TypeVar("T")
-
-
-class Section(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A table of the file: unknown keys are errors."""
 
 
 class ExperimentSection(Section, frozen=True, kw_only=True):
@@ -203,42 +197,12 @@ def load(name_or_path: str, overrides: list[str]) -> Experiment:
     return msgspec.structs.replace(experiment, move=move)
 
 
-def convert(data: Any, kind: type[T], section: str = "") -> T:
-    """data as kind; raises ConfigError in terms of the experiment file."""
-    try:
-        return msgspec.convert(data, kind)
-    except msgspec.ValidationError as error:
-        raise ConfigError(_explain(str(error), data, kind, section)) from None
-
-
-def nearest(word: str, known: Any) -> str:
-    """', did you mean ...?' when something known is close."""
-    close = difflib.get_close_matches(word, list(known), n=1)
-    return f", did you mean '{close[0]}'?" if close else ""
-
-
 def _check_links(links: Any) -> None:
     """What the types cannot say: a link is a channel. A `links` that is no table is left to them."""
     for name, faults in links.items() if isinstance(links, dict) else ():
         if name not in DATA:
             raise ConfigError(f"[links.{name}]: no such link{nearest(name, DATA)}; links: {', '.join(DATA)}")
         convert(faults, LinkFaults, f"links.{name}")
-
-
-def read_text(path: Path, what: str) -> str:
-    """A file's text; raises ConfigError when it cannot be read."""
-    try:
-        return path.read_text(errors="replace")
-    except OSError as error:
-        raise ConfigError(f"{what} '{path}' cannot be read: {error.strerror}; check the file and its permissions") from None
-
-
-def read_toml(path: Path, what: str, next_step: str = "mend that line") -> dict[str, Any]:
-    """A file's tables; raises ConfigError when it cannot be read or is no TOML."""
-    try:
-        return tomllib.loads(read_text(path, what))
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{what} '{path}' is not valid TOML: {error}; {next_step}") from None
 
 
 def _folder(name: str) -> Any:
@@ -255,90 +219,3 @@ def _read(name_or_path: str) -> dict[str, Any]:
         f"experiment '{name_or_path}': no such file and not a shipped experiment{nearest(name_or_path, shipped())}; "
         f"shipped: {', '.join(shipped())}"
     )
-
-
-def override(tables: dict[str, Any], text: str) -> None:
-    """Put `section.key=value` into the tables of a file; a number is an index of a list, and a key above all sections is one
-    that the file has. Raises ConfigError for a text that is no such thing.
-    """
-    path, equals, value = text.partition("=")
-    keys = path.strip().split(".")
-    if not equals or not all(keys) or (len(keys) < 2 and isinstance(tables.get(keys[0], {}), dict)):
-        raise ConfigError(f"--set '{text}': must be section.key=value, for example --set move.distance_m=0.1")
-    table: Any = tables
-    for key in keys[:-1]:
-        table = _step(table, key, text)
-    if isinstance(table, list):
-        _step(table, keys[-1], text)
-        table[int(keys[-1])] = _value(value.strip())
-    else:
-        table[keys[-1]] = _value(value.strip())
-
-
-def _step(table: Any, key: str, text: str) -> Any:
-    if isinstance(table, list):
-        if not (key.isdigit() and int(key) < len(table)):
-            raise ConfigError(f"--set '{text}': '{key}' of a list of {len(table)}; must be 0 to {len(table) - 1}")
-        return table[int(key)]
-    inner = table.setdefault(key, {})
-    if not isinstance(inner, dict | list):
-        raise ConfigError(f"--set '{text}': '{key}' is a value, not a section")
-    return inner
-
-
-def _value(text: str) -> Any:
-    try:
-        return tomllib.loads(f"v = {text}")["v"]
-    except tomllib.TOMLDecodeError:
-        return text  # a bare word is a string
-
-
-def _explain(message: str, data: Any, kind: type, section: str) -> str:
-    what, _, at = message.partition(" - at `$")
-    keys = [k for k in re.split(r"[.\[\]]+", at.rstrip("`")) if k]
-    if section:
-        keys = [*section.split("."), *keys]
-    unknown = re.search(r"unknown field `(.+)`", what)
-    missing = re.search(r"missing required field `(.+)`", what)
-    if unknown:
-        known = [f.encode_name for f in msgspec.structs.fields(_struct_at(kind, keys, section))]
-        return (
-            f"[{'.'.join(keys)}] {unknown[1]}: unknown key{nearest(unknown[1], known)}; known here: {', '.join(known)}"
-        ).replace("[] ", "")
-    if missing:
-        return f"[{'.'.join(keys)}] {missing[1]}: missing; add it".replace("[] ", "section ")
-    inner = keys[len(section.split(".")) if section else 0 :]
-    value = _value_at(data, inner)
-    if isinstance(value, dict) and not what.startswith("Expected"):
-        return f"[{'.'.join(keys)}] {what}".removeprefix("[] ")  # of a whole table, by the one who builds it
-    if "enum" in what:
-        allowed = get_args(_struct_at(kind, keys, section))
-        what = f"must be one of {', '.join(map(repr, allowed))}{nearest(str(value), allowed)}"
-    where = f"[{'.'.join(keys[:-1])}] {keys[-1]}" if keys else "the file"
-    return f"{where} = {value!r}: {what[0].lower()}{what[1:]}; change it to fit".removeprefix("[] ")
-
-
-def _struct_at(kind: Any, keys: list[str], section: str) -> Any:
-    for key in keys[len(section.split(".")) if section else 0 :]:
-        kind = _within(kind, key)
-    return kind
-
-
-def _within(kind: Any, key: str) -> Any:
-    """The type of a struct's field, or of what a list, tuple or dict is made of; of `X | None` that is X."""
-    if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
-        field = next(field for field in msgspec.structs.fields(kind) if field.encode_name == key)
-        kind = get_type_hints(kind)[field.name]
-    else:
-        kind = next(part for part in reversed(get_args(kind)) if part is not Ellipsis)
-    parts = [part for part in get_args(kind) if part is not type(None)]
-    return parts[0] if type(None) in get_args(kind) else kind
-
-
-def _value_at(data: Any, keys: list[str]) -> Any:
-    for key in keys:
-        try:
-            data = data[int(key)] if isinstance(data, list) else data[key]
-        except (KeyError, ValueError, IndexError, TypeError):
-            return data
-    return data

@@ -15,6 +15,7 @@ from planners.problem import Plan
 from rig import runs
 from rig.config import Experiment
 from rig.job import Job, plan_move, prepare
+from rig.runtime import bench
 from rig.runtime.execute import Mode, Outcome, Progress, execute
 
 
@@ -39,7 +40,7 @@ def run(
     Raises ConfigError or Refused when the run must not start; the folder exists only once it may.
     """
     plan = plan_move(experiment, stopwatch_s)  # belief -> motion
-    job = prepare(experiment, plan, motion)  # limits, workspace, envelope; what each task is told
+    job = prepare(experiment, plan, bench.plant(experiment), motion)  # limits, workspace, envelope; what each task is told
     before(job, plan)
     folder = runs.new_folder(runs_folder, experiment.experiment.name, mode, utc_now())
     outcome = execute(job, mode, folder, progress)  # streamer, controller, bench, vision, recorder

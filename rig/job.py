@@ -5,25 +5,22 @@ from __future__ import annotations
 import math
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
 
 from comms.channels import MS
+from comms.plan_record import PlanRecord
 from planners import catalog
 from planners.errors import PlanError
-from planners.models.chain import ChainModel, parse_links
-from planners.models.model import Model
-from planners.models.pendulum import PendulumModel
 from planners.motion import Motion
 from planners.problem import Limits, Plan, Problem
 from rig import calibration_file
-from rig.config import Experiment, ModelSection
+from rig.config import Experiment
 from rig.controller.task import ControllerSettings
 from rig.errors import ConfigError, Refused
-from rig.plan_record import PlanRecord
-from rig.runtime import bench
+from rig.load_model import belief
 from rig.safety import Envelope, Gate
 from rig.streamer import PERIOD_NS, StreamerSettings
 from rig.waypoints import plan_through, read_waypoints
@@ -54,29 +51,11 @@ class Job(msgspec.Struct, frozen=True, kw_only=True):
         }
 
 
-def belief(experiment: Experiment) -> Model:
-    """`[model]`: the load as the planner sees it. Raises ConfigError for one that cannot be."""
-    try:
-        return model_of(experiment.model)
-    except PlanError as error:
-        raise ConfigError(f"[model] {error}") from error
+class Plant(NamedTuple):
+    """The plant of a run as the preflight checks see it: settings of its task, and number of links of its load."""
 
-
-def model_of(m: ModelSection) -> Model:
-    """A cable, or a chain where links are named. Raises PlanError."""
-    common = {"damping_ratio": m.damping_ratio, "gravity_m_s2": m.gravity_m_s2, "cart_mass_kg": m.cart_mass_kg}
-    if not m.links:
-        for name in ("stiffness_n_m_rad", "joint_damping_n_m_s_rad", "tip_mass_kg"):
-            if getattr(m, name):
-                raise PlanError(f"{name} = {getattr(m, name)} without links; a cable has none: name links, or leave it out")
-        return PendulumModel(length_m=m.cable_m, mass_kg=m.mass_kg, **common)
-    return ChainModel(
-        links=parse_links(",".join(m.links)),
-        stiffness_n_m_rad=tuple(m.stiffness_n_m_rad),
-        joint_damping_n_m_s_rad=tuple(m.joint_damping_n_m_s_rad),
-        tip_mass_kg=m.tip_mass_kg,
-        **common,
-    )
+    settings: Any
+    links: int
 
 
 def plan_move(experiment: Experiment, timer: Any = None) -> Plan | None:
@@ -106,7 +85,7 @@ def plan_move(experiment: Experiment, timer: Any = None) -> Plan | None:
         raise ConfigError(str(error)) from error
 
 
-def prepare(experiment: Experiment, plan: Plan | None, motion: Motion | None = None) -> Job:
+def prepare(experiment: Experiment, plan: Plan | None, plant: Plant, motion: Motion | None = None) -> Job:
     """What each task is told. motion replaces the plan's (a calibration goes from point to point).
 
     Raises Refused when limits, workspace or envelope would be left; nothing has started then.
@@ -114,9 +93,9 @@ def prepare(experiment: Experiment, plan: Plan | None, motion: Motion | None = N
     if plan is not None and plan.reasons:
         raise Refused(f"the plan leaves [limits]: {'; '.join(plan.reasons)}")
     links = belief(experiment).links_count
-    if links != bench.LINKS:
+    if links != plant.links:
         raise Refused(
-            f"[model] links names {links} links, [bench.pendulum] hangs on {bench.LINKS}; both must have as many: "
+            f"[model] links names {links} links, [bench.pendulum] hangs on {plant.links}; both must have as many: "
             "look at the plan with `rig plan --links`, or believe in a cable (length_m)"
         )
     record = _record(experiment, plan, motion or (plan.motion if plan else None))
@@ -124,7 +103,7 @@ def prepare(experiment: Experiment, plan: Plan | None, motion: Motion | None = N
     _check_envelope(record, envelope)
     name, calibration = calibration_file.find(experiment)
     settings: dict[str, Any] = {
-        "bench": bench.params(experiment),
+        "bench": plant.settings,
         "controller": ControllerSettings(
             reference_stale_ns=round(experiment.safety.reference_stale_ms * MS),
             robot_stale_ns=round(experiment.safety.robot_stale_ms * MS),
@@ -149,6 +128,7 @@ def _record(experiment: Experiment, plan: Plan | None, motion: Motion | None) ->
         watch_s=e.watch_s,
         positions_m=[(float(x), float(y), float(z)) for x, y, z in places],
         metrics=_metrics(plan),
+        period_ns=PERIOD_NS,
     )
 
 

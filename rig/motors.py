@@ -13,8 +13,8 @@ from planners.errors import unknown_name
 from planners.laws import LAWS
 from planners.laws.trapezoidal import trapezoidal_by_acceleration
 from planners.trajectory import Trajectory
-from rig.config import Section, convert
 from rig.errors import ConfigError
+from rig.toml_file import Section, convert
 
 EXAMPLES = ("1", "2")  # the two worked tasks of source 000
 

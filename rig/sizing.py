@@ -23,9 +23,9 @@ from planners.drives.screw.transmission import Transmission
 from planners.drives.screw.wishes import Shares, Wishes
 from planners.errors import PlanError, check_range, unknown_name
 from planners.laws import bounds
-from rig.config import Section, convert
 from rig.errors import ConfigError
 from rig.motors import MotorSection
+from rig.toml_file import Section, convert
 
 T = TypeVar("T")
 EXAMPLES = ("appendix",)  # the worked axis of source 004, appendix C; NAME_published.toml has what the source prints of it

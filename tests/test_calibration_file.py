@@ -14,6 +14,7 @@ from rig import calibration_file, config
 from rig.calibration_file import Calibration
 from rig.config import Experiment
 from rig.errors import ConfigError
+from rig.toml_file import convert
 
 CALIBRATION = Calibration(
     made="2026-01-02T03:04:05+00:00",
@@ -104,7 +105,7 @@ def test_shipped_is_the_newest_one_shipped_and_fits_the_shipped_experiments() ->
         name, calibration = calibration_file.find(config.load(experiment, []))
         assert name == newest
         assert calibration is not None
-        assert calibration == config.convert(config.read_shipped_calibration(newest), Calibration)
+        assert calibration == convert(config.read_shipped_calibration(newest), Calibration)
 
 
 @pytest.mark.parametrize(

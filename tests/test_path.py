@@ -9,6 +9,7 @@ import pytest
 from comms.messages import AngleSample, Command, Frame, JointState, Phase, Reason, Reference, RobotState, Setpoint, Truth, Verb
 from rig import config, experiment
 from rig.analysis.analyze import Analysis
+from rig.config import Experiment
 from rig.controller.task import Controller, ControllerSettings
 from rig.job import plan_move, prepare
 from rig.recorder import Recorder
@@ -65,7 +66,7 @@ def test_the_plan_of_the_experiment_ends_at_rest_where_it_should():
 
 
 def test_every_task_is_told_what_it_needs_and_no_task_but_the_bench_is_told_the_truth():
-    job = prepare(loaded(), plan_move(loaded()))
+    job = prepare(loaded(), plan_move(loaded()), bench.plant(loaded()))
     told = {name: msgspec.json.encode(settings).decode() for name, settings in job.settings.items()}
     assert set(told) == {"bench", "controller", "vision", "streamer"}
     assert "0.98" in told["bench"]
@@ -78,7 +79,7 @@ def test_every_task_is_told_what_it_needs_and_no_task_but_the_bench_is_told_the_
 def test_the_streamer_plays_the_plan_on_its_grid():
     chosen = loaded()
     plan = plan_move(chosen)
-    streamer = Streamer(prepare(chosen, plan).settings["streamer"])
+    streamer = Streamer(prepare(chosen, plan, bench.plant(chosen)).settings["streamer"])
     streamer.start(0)
     streamer.on_message("robot_state", resting(0, 0), 0)
     streamer.on_message("command", order(Verb.ARM, "streamer", 0), 0)
@@ -133,7 +134,7 @@ def test_the_controller_turns_a_reference_into_six_even_setpoints():
 
 
 def test_the_bench_moves_pushes_the_load_back_and_shows_it():
-    world = bench.task(prepare(loaded(), plan_move(loaded())).settings["bench"])
+    world = bench.task(prepare(loaded(), plan_move(loaded()), bench.plant(loaded())).settings["bench"])
     world.start(0)
     world.on_message("setpoint", Setpoint(seq=0, t_ns=3 * MS, position_m=(0.01, 0.0, 0.0)), 3 * MS)
     sends = [send for t in range(5, 205, 5) for send in world.on_tick(t * MS).sends]
@@ -151,7 +152,7 @@ def test_the_bench_moves_pushes_the_load_back_and_shows_it():
 
 def test_the_tracker_sees_what_the_camera_shows_at_the_instant_it_says():
     changed = loaded("bench.pendulum.initial_swing_rad=0.03")
-    settings = prepare(changed, plan_move(changed)).settings
+    settings = prepare(changed, plan_move(changed), bench.plant(changed)).settings
     world, vision = bench.task(settings["bench"]), VisionTask(settings["vision"])
     vision.start(0)
     truth, angles = {}, []
@@ -175,7 +176,7 @@ def test_the_tracker_sees_what_the_camera_shows_at_the_instant_it_says():
 
 
 def test_what_the_recorder_writes_the_analysis_reads(tmp_path):
-    job = prepare(loaded(), plan_move(loaded()))
+    job = prepare(loaded(), plan_move(loaded()), bench.plant(loaded()))
     start = {"run_id": "r", "mode": "virtual", "experiment": "move", "kind": "move"}
     recorder = Recorder(tmp_path / LOG, start, job.attachments())
     recorder.message("command", order(Verb.START, "streamer", 5, 60 * MS), 5)
@@ -184,7 +185,7 @@ def test_what_the_recorder_writes_the_analysis_reads(tmp_path):
     run = Analysis(tmp_path / LOG).run
     assert run.t_start_s == pytest.approx(0.06)
     assert run.angles == [seen(0, 7, 0.01)]
-    assert run.experiment == job.experiment
+    assert msgspec.json.decode(run.log.attachments["experiment.json"], type=Experiment) == job.experiment
 
 
 # the whole loop

@@ -21,9 +21,9 @@ from planners.drives.screw.region import region
 from planners.drives.screw.supports import SUPPORTS
 from planners.drives.screw.transmission import Transmission
 from planners.drives.screw.wishes import Shares, Wishes
-from rig.config import read_toml
 from rig.sizing import example_tables, sizing_of
 from rig.sizing_published import Comparison
+from rig.toml_file import read_toml
 
 SPEC = """
 [axis]

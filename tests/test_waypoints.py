@@ -12,6 +12,7 @@ from rig.analysis.run_log import RunLog
 from rig.errors import ConfigError, Refused
 from rig.job import plan_move, prepare
 from rig.runs import LOG
+from rig.runtime import bench
 from rig.waypoints import read_waypoints
 
 PLAIN = "x_m,y_m,z_m\n0,0,0\n0.06,0.02,0.03\n0.12,0,0\n0.17,-0.02,0.02\n"
@@ -105,7 +106,7 @@ def test_points_that_make_no_motion_are_refused_by_name(through, text, changes, 
 def test_a_motion_that_leaves_the_workspace_is_refused_before_it_starts(through):
     chosen = through("x_m\n0\n0.4\n0.1\n")
     with pytest.raises(Refused, match=r"the plan leaves the \[safety\] envelope"):
-        prepare(chosen, plan_move(chosen))
+        prepare(chosen, plan_move(chosen), bench.plant(chosen))
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path):
@@ -123,7 +124,7 @@ def test_a_file_that_is_not_there_is_named(tmp_path):
 def test_depth_and_height_have_bounds_of_their_own(through, text, told):
     chosen = through(text)
     with pytest.raises(Refused, match=told):
-        prepare(chosen, plan_move(chosen))
+        prepare(chosen, plan_move(chosen), bench.plant(chosen))
 
 
 def test_limits_are_those_of_the_motion_in_space(through):
@@ -133,12 +134,12 @@ def test_limits_are_those_of_the_motion_in_space(through):
     assert plan.metrics.peak_swing_rad == 0.0
     tight = through("x_m,y_m\n0,0\n0,0.1\n0,0.2\n", "move.time_s=0.6", "limits.acceleration_m_s2=2")
     with pytest.raises(Refused, match=r"the plan leaves \[limits\]: peak acceleration"):
-        prepare(tight, plan_move(tight))
+        prepare(tight, plan_move(tight), bench.plant(tight))
 
 
 def test_the_record_says_how_far_the_points_go(through):
     chosen = through("x_m,y_m\n0,0\n0.1,0.1\n0,0.2\n")
-    assert prepare(chosen, plan_move(chosen)).plan.distance_m == 0.0
+    assert prepare(chosen, plan_move(chosen), bench.plant(chosen)).plan.distance_m == 0.0
 
 
 def test_a_planner_beside_waypoints_is_refused(rig, tmp_path):

@@ -44,12 +44,12 @@ class Analysis:
 def _fit(run: RunLog) -> tuple[DecayFit | None, str]:
     if run.t_start_s is None:
         return None, "the run never started"
-    rate_hz = run.experiment.camera.rate_hz
+    rate_hz = run.facts.rate_hz
     if rate_hz == 0:
         return None, "run without a camera"
     t, angle, _ = run.swing
     after = t >= run.t_settled_s
-    frames = run.experiment.vision.average_frames
+    frames = run.facts.average_frames
     try:
         return fit_decay(t[after], angle[after], average_frames=frames, frame_period_s=1.0 / rate_hz), ""
     except AnalysisError as error:
@@ -105,7 +105,7 @@ def _measured(run: RunLog, fit: DecayFit | None) -> tuple[Quantities, Quantities
             sigma.peak_swing_rad = float(np.median(sigma_rad))
     if fit is None or not math.isfinite(fit.sigma_amplitude_rad):
         return measured, sigma
-    g = run.experiment.model.gravity_m_s2
+    g = run.facts.gravity_m_s2
     length = cable_length_m(fit.natural_frequency_hz, g)
     sigma_length = cable_length_sigma_m(fit.natural_frequency_hz, fit.sigma_natural_frequency_hz, g)
     found = {
@@ -198,9 +198,8 @@ def _initial_swing(run: RunLog) -> float | None:
         return None
     t, angle, _ = run.swing
     quiet = (t >= run.t_start_s) & (t < run.t_move_s)
-    model = run.experiment.model
     try:
-        return initial_swing_rad(t[quiet], angle[quiet], math.sqrt(model.gravity_m_s2 / model.cable_m))
+        return initial_swing_rad(t[quiet], angle[quiet], math.sqrt(run.facts.gravity_m_s2 / run.facts.cable_length_m))
     except AnalysisError:
         return None
 
@@ -236,7 +235,7 @@ def _judge(s: Summary, run: RunLog, fit_failure: str) -> None:
     bad = [f"the log is incomplete: {run.log.damage}; what is left was analysed"] if not s.complete else []
     if s.exit_status != "ok":
         bad += [] if s.reasons or bad else [f"the run ended with exit status '{s.exit_status}'"]
-    elif run.experiment.camera.rate_hz and fit_failure:
+    elif run.facts.rate_hz and fit_failure:
         bad.append(f"no swing could be fitted: {fit_failure}")
     doubts = _doubts(s, run)
     if bad or s.exit_status != "ok":
@@ -256,9 +255,8 @@ def _doubts(s: Summary, run: RunLog) -> list[str]:
         why = ", ".join(f"{reason} {n}" for reason, n in sorted(s.refusals.items()))
         doubts.append(f"{s.angles_valid} of {s.frames} frames gave an angle ({why}); must be >= {MIN_VALID:.0%}")
     doubts += [f"no count from {end}: its packets cannot be balanced" for end in run.uncounted]
-    late, faults = s.lateness, run.experiment.links.get("reference")
-    asked_ms = faults.delay_ms + faults.jitter_ms if faults else 0.0
-    if late.references_late > MAX_LATE * late.references and asked_ms * 1e6 < LATE_NS:
+    late = s.lateness
+    if late.references_late > MAX_LATE * late.references and run.facts.reference_delay_ms * 1e6 < LATE_NS:
         doubts.append(f"{late.references_late} of {late.references} references accepted > 30 ms late: the machine is too busy")
     error = s.swing_error.outside_move_rad
     if error is not None and error > MAX_SWING_ERROR_RAD:

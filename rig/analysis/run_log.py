@@ -15,10 +15,9 @@ import numpy.typing as npt
 from comms.errors import LogError
 from comms.mcap_log import Log, read_log
 from comms.messages import AngleSample, Command, Reference, RobotState, Truth, Verb
+from comms.plan_record import PlanRecord
 from comms.records import CompressedImage, Event, FrameStamp, LinkRow, Receipts, Timing
-from rig.config import Experiment
-from rig.plan_record import PlanRecord
-from rig.streamer import PERIOD_NS
+from rig.analysis.facts import RunFacts, read_facts
 
 Array = npt.NDArray[np.float64]
 SETTLE_S = 0.30  # after the planned end: the platform lags the plan by about 60 ms
@@ -38,7 +37,7 @@ class RunLog:
             if name not in run.log.attachments:
                 raise LogError(f"{path}: cut before '{name}': nothing to analyse it by")
         try:
-            _ = run.experiment, run.plan, run.world
+            _ = run.facts, run.plan, run.world
         except msgspec.MsgspecError as error:
             raise LogError(f"{path}: an attachment cannot be read ({error}): damaged, or of another version") from error
         return run
@@ -49,9 +48,9 @@ class RunLog:
         return self.log.path.parent
 
     @cached_property
-    def experiment(self) -> Experiment:
-        """The resolved experiment."""
-        return msgspec.json.decode(self.log.attachments["experiment.json"], type=Experiment)
+    def facts(self) -> RunFacts:
+        """The keys of the experiment that the analysis needs. Raises LogError naming one that is missing."""
+        return read_facts(self.log.attachments["experiment.json"], self.log.path)
 
     @cached_property
     def plan(self) -> PlanRecord:
@@ -96,7 +95,7 @@ class RunLog:
     @cached_property
     def single_frames(self) -> tuple[Array, Array, Array]:
         """Angles of single frames, offset removed, not averaged: for peaks, which an average flattens. As swing; t is rough."""
-        frames = math.sqrt(self.experiment.vision.average_frames)
+        frames = math.sqrt(self.facts.average_frames)
         rows = [
             (a.t_valid_ns * 1e-9, a.raw_rad - (a.offset_rad or 0.0), (a.sigma_rad or 0.0) * frames)
             for a in self.angles
@@ -126,7 +125,7 @@ class RunLog:
     def planned_m(self, t_s: Array) -> Array:
         """Planned x [m] at t_s (N,), at rest before and after."""
         x = np.array([p[0] for p in self.plan.positions_m])
-        grid = (self.t_start_s or 0.0) + PERIOD_NS * 1e-9 * np.arange(x.size)
+        grid = (self.t_start_s or 0.0) + self.plan.period_ns * 1e-9 * np.arange(x.size)
         return np.asarray(np.interp(t_s, grid, x), dtype=np.float64)
 
     def receipts(self, channel: str) -> dict[int, int]:

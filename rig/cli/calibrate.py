@@ -53,7 +53,7 @@ def offsets(
         ran = experiment.run(chosen, "virtual" if virtual else "wall", runs, progress, lambda job, plan: None, tour.motion)
     if ran.outcome.exit_code:
         raise Stopped("; ".join(ran.outcome.reasons), ran.outcome.exit_code)
-    found, calibration = calibration_run.fit(RunLog.open(ran.folder / LOG), tour.stands_s)
+    found, calibration = calibration_run.fit(RunLog.open(ran.folder / LOG), chosen, tour.stands_s)
     path = output or calibration_run.default_path(Path(), calibration)
     calibration_file.save(calibration, path)
     if as_json:

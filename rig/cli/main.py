@@ -14,9 +14,10 @@ from rig.analysis.errors import AnalysisError
 from rig.cli import analyze, calibrate, compare, doctor, laws, motor_check, plan, run, servo, sim, size, spline, stop, track
 from rig.cli.output import print_json
 from rig.errors import BAD_DATA, EXIT_STATUS, REFUSED, USAGE, RigError
+from rig.servo.errors import ServoError
 from vision.errors import VisionError
 
-KNOWN = (RigError, CommsError, PlanError, VisionError, AnalysisError)
+KNOWN = (RigError, CommsError, PlanError, VisionError, AnalysisError, ServoError)
 
 
 def _leave(code: int | None, show_version: bool) -> None:
@@ -89,7 +90,7 @@ def main() -> None:
 def _exit_code(error: Exception) -> int:
     if isinstance(error, RigError):
         return error.exit_code
-    if isinstance(error, PlanError):
+    if isinstance(error, PlanError | ServoError):
         return USAGE
     return BAD_DATA if isinstance(error, LogError | VisionError | AnalysisError) else REFUSED
 

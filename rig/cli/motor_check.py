@@ -12,9 +12,9 @@ from rich.table import Table
 from planners.drives.motor import TOLERANCE, Verdict, check
 from planners.laws import LAWS
 from rig.cli.output import out, print_json, wide
-from rig.config import read_toml
 from rig.errors import REFUSED, ConfigError
 from rig.motors import EXAMPLES, MotorTask, example_tables, task_of
+from rig.toml_file import read_toml
 
 UNITS = {"torque": "N m", "thermal": "N m", "speed": "rad/s", "power": "W"}
 TITLES = {"torque": "the peak torque", "thermal": "the rms torque", "speed": "the speed", "power": "the power"}

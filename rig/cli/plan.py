@@ -21,7 +21,7 @@ from rig import picture_file
 from rig.cli.output import out, print_json
 from rig.config import LimitsSection, ModelSection
 from rig.errors import REFUSED, ConfigError
-from rig.job import model_of
+from rig.load_model import model_of
 
 SAMPLE_S = 0.01
 

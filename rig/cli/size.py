@@ -20,12 +20,12 @@ from planners.drives.screw.table import Row
 from planners.drives.screw.verdict import BROKEN, NOT_ASKED, UNDECIDED, Assessment
 from planners.errors import unknown_name
 from rig.cli.output import COLOUR, out, print_json, wide
-from rig.config import read_toml
 from rig.errors import REFUSED, ConfigError
 from rig.sizing import EXAMPLES, Sizing, example_tables, sizing_of
 from rig.sizing_document import Judgement, document, judge
 from rig.sizing_notes import notes
 from rig.sizing_published import Comparison
+from rig.toml_file import read_toml
 
 FAR = 10.0  # a margin beyond, of either sign, is only told to be
 WITHOUT_BOUND = {NOT_ASKED: "any", UNDECIDED: "not told"}

@@ -8,8 +8,10 @@ from typing import Any
 import msgspec
 
 from comms.task import Task
-from rig.config import Experiment, convert
+from rig.config import Experiment
 from rig.errors import ConfigError, Refused
+from rig.job import Plant
+from rig.toml_file import convert
 from sim_rig.camera import Pinhole
 from sim_rig.elastic_joint import ElasticJoint
 from sim_rig.joint_params import Joint
@@ -35,6 +37,11 @@ def params(experiment: Experiment) -> BenchParams:
         )
     except ValueError as error:
         raise ConfigError(str(error)) from None
+
+
+def plant(experiment: Experiment) -> Plant:
+    """The plant of an experiment as the preflight checks see it. Raises ConfigError as params() does."""
+    return Plant(params(experiment), LINKS)
 
 
 def task(settings: Any) -> Task:

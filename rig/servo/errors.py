@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import math
 
-from rig.errors import RigError
 
-
-class ServoError(RigError):
+class ServoError(Exception):
     """Root of everything rig/servo/ raises, e.g. `period_s = -1; must be > 0: give the drive's sample time`."""
 
 

@@ -14,9 +14,9 @@ from msgspec import Meta
 
 from planners.laws.trapezoidal import trapezoidal_by_acceleration
 from planners.trajectory import Trajectory
-from rig.config import Section, convert, nearest, override, read_toml
 from rig.errors import ConfigError
 from rig.servo.two_mass import TwoMass
+from rig.toml_file import Section, convert, nearest, override, read_toml
 
 SHIPPED = "source_001"
 SHORTEST = 10  # samples of a move

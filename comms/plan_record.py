@@ -8,7 +8,7 @@ from comms.messages import Position
 
 
 class PlanRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """The plan as it is played: positions on the 10 ms grid from t_start; travels in the log."""
+    """The plan as it is played: positions on a grid from t_start; travels in the log."""
 
     planner: str
     distance_m: float
@@ -17,6 +17,7 @@ class PlanRecord(msgspec.Struct, frozen=True, kw_only=True):
     watch_s: float
     positions_m: list[Position]
     metrics: dict[str, float | bool] | None
+    period_ns: int = 10_000_000  # of the grid
 
     @property
     def duration_s(self) -> float:

@@ -1,0 +1,63 @@
+"""The keys of a logged experiment that the analysis needs; all other keys are ignored.
+
+The experiment file is strict and changes with the program. A log of another version stays readable as long as it has
+these keys.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from comms.errors import LogError
+
+
+class RunFacts(msgspec.Struct, frozen=True, kw_only=True):
+    """Keys of `experiment.json` that the analysis uses."""
+
+    rate_hz: float  # of the camera, 0 = run without a camera
+    average_frames: int  # of the moving average of the angle
+    gravity_m_s2: float  # of [model]
+    cable_length_m: float  # of [model]; 1 m where the load is a chain
+    reference_delay_ms: float  # largest delay that the link fault model adds to a reference
+
+
+def read_facts(data: bytes, path: Path) -> RunFacts:
+    """Read the facts from the `experiment.json` of the log at path.
+
+    Raises LogError naming the key that is missing or is no number, and msgspec.DecodeError for bytes that are no JSON.
+    """
+    tables = msgspec.json.decode(data)
+    length_m = _optional(tables, "model", "length_m")
+    delay_ms = _optional(tables, "links", "reference", "delay_ms")
+    jitter_ms = _optional(tables, "links", "reference", "jitter_ms")
+    return RunFacts(
+        rate_hz=_number(tables, path, "camera", "rate_hz"),
+        average_frames=int(_number(tables, path, "vision", "average_frames")),
+        gravity_m_s2=_number(tables, path, "model", "gravity_m_s2"),
+        cable_length_m=1.0 if length_m is None else length_m,
+        reference_delay_ms=(delay_ms or 0.0) + (jitter_ms or 0.0),
+    )
+
+
+def _number(tables: Any, path: Path, *keys: str) -> float:
+    value = _optional(tables, *keys)
+    if value is None:
+        key = ".".join(keys)
+        raise LogError(
+            f"{path}: experiment.json has no number {key}, which the analysis needs; "
+            "analyse this log with the version that wrote it (see run.start in its metadata)"
+        )
+    return value
+
+
+def _optional(tables: Any, *keys: str) -> float | None:
+    value = tables
+    for key in keys:
+        if not isinstance(value, dict):
+            return None
+        value = value.get(key)
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return float(value) if is_number else None
