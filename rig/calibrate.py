@@ -15,7 +15,7 @@ from planners import catalog
 from planners.motion import Motion
 from planners.problem import Problem
 from planners.trajectory import Trajectory
-from rig.analysis.offsets import OffsetCalibration, Watch, calibrate_offsets
+from rig.analysis.identify.offsets import OffsetCalibration, Watch, calibrate_offsets
 from rig.analysis.run_log import SETTLE_S, RunLog
 from rig.calibration_file import Calibration
 from rig.config import Experiment

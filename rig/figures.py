@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from comms.messages import AngleSample
-from rig.analysis.decay import DecayFit
+from rig.analysis.identify.decay import DecayFit
 from rig.analysis.run_log import Array, RunLog
 
 WIDE, TALL = 10.0, 3.2  # inches
@@ -56,7 +56,7 @@ def swing(run: RunLog, twin: RunLog | None) -> Figure:
         upper.plot(t_true - zero, true * 1e3, color=TRUE, lw=1.6, label="true")
     upper.plot(t - zero, angle * 1e3, ".", ms=2, color=MEASURED, label="measured")
     if t_true.size > 1:
-        from rig.analysis.swing import truth_at
+        from rig.analysis.identify.swing import truth_at
 
         inside = (t >= t_true[0]) & (t <= t_true[-1])
         error = (angle[inside] - truth_at(t[inside], t_true, true, rate)) * 1e3

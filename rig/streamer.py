@@ -13,8 +13,8 @@ from comms.channels import MS
 from comms.messages import AngleSample, Command, Message, Phase, Position, Reference, RobotState, Verb
 from comms.replies import Replies
 from comms.task import NOTHING, Send, Step
-from rig.analysis.errors import AnalysisError
-from rig.analysis.swing import initial_swing_rad
+from rig.analysis.identify.errors import AnalysisError
+from rig.analysis.identify.swing import initial_swing_rad
 from rig.controller.phase import ORDERS, Happening, next_phase, refusal
 from rig.errors import FAULT, REFUSED
 from rig.safety import Envelope, Gate

@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from rig.analysis.decay import DecayFit, cable_length_m, cable_length_sigma_m, fit_decay, identifiable
-from rig.analysis.errors import AnalysisError
+from rig.analysis.identify.decay import DecayFit, cable_length_m, cable_length_sigma_m, fit_decay, identifiable
+from rig.analysis.identify.errors import AnalysisError
 
 Array = npt.NDArray[np.float64]
 

@@ -9,8 +9,8 @@ import numpy.typing as npt
 import pytest
 from scipy.signal import lsim
 
-from rig.analysis.errors import AnalysisError
-from rig.analysis.latency import alignment_s, command_latency_s, swing_error_rms_rad
+from rig.analysis.identify.errors import AnalysisError
+from rig.analysis.identify.latency import alignment_s, command_latency_s, swing_error_rms_rad
 
 Array = npt.NDArray[np.float64]
 

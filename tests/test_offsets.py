@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from rig.analysis.errors import AnalysisError
-from rig.analysis.offsets import OffsetCalibration, Watch, calibrate_offsets
+from rig.analysis.identify.errors import AnalysisError
+from rig.analysis.identify.offsets import OffsetCalibration, Watch, calibrate_offsets
 
 Array = npt.NDArray[np.float64]
 

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rig.analysis.errors import AnalysisError
-from rig.analysis.swing import initial_swing_rad, peak_swing_rad, residual_amplitude_rad, truth_at
+from rig.analysis.identify.errors import AnalysisError
+from rig.analysis.identify.swing import initial_swing_rad, peak_swing_rad, residual_amplitude_rad, truth_at
 
 OMEGA_RAD_S = 3.192
 

@@ -1,1 +1,4 @@
-"""What the log says: pure functions of numpy arrays, stamps in, numbers with their uncertainty out."""
+"""Analysis of a run: a log in, numbers with uncertainty and a verdict out.
+
+Imports planners and comms. The estimators themselves are in identify/ and know no log.
+"""

@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from comms.records import LinkRow
-from rig.analysis.decay import DecayFit, cable_length_m, cable_length_sigma_m, fit_decay, identifiable
-from rig.analysis.errors import AnalysisError
-from rig.analysis.latency import alignment_s, command_latency_s, swing_error_rms_rad
+from rig.analysis.identify.decay import DecayFit, cable_length_m, cable_length_sigma_m, fit_decay, identifiable
+from rig.analysis.identify.errors import AnalysisError
+from rig.analysis.identify.latency import alignment_s, command_latency_s, swing_error_rms_rad
+from rig.analysis.identify.swing import initial_swing_rad, peak_swing_rad, residual_amplitude_rad
 from rig.analysis.run_log import RunLog
 from rig.analysis.summary import (
     Latency,
@@ -23,7 +24,6 @@ from rig.analysis.summary import (
     Summary,
     SwingError,
 )
-from rig.analysis.swing import initial_swing_rad, peak_swing_rad, residual_amplitude_rad
 
 LATE_NS = 30_000_000  # a reference accepted later than this after its target missed its window
 MIN_VALID = 0.95  # share of frames that must give an angle

@@ -53,8 +53,8 @@ def _write_csv(analysis: Analysis, path: Path) -> None:
 
 
 def _true_angle(t_s: float, truth: object) -> float | str:
-    from rig.analysis.errors import AnalysisError
-    from rig.analysis.swing import truth_at
+    from rig.analysis.identify.errors import AnalysisError
+    from rig.analysis.identify.swing import truth_at
 
     try:
         return float(truth_at([t_s], *truth.T[:3])[0])  # type: ignore[attr-defined, arg-type]

@@ -10,7 +10,7 @@ import typer
 
 from comms.errors import CommsError, LogError
 from planners.errors import PlanError
-from rig.analysis.errors import AnalysisError
+from rig.analysis.identify.errors import AnalysisError
 from rig.cli import analyze, calibrate, compare, doctor, laws, motor_check, plan, run, servo, sim, size, spline, stop, track
 from rig.cli.output import print_json
 from rig.errors import BAD_DATA, EXIT_STATUS, REFUSED, USAGE, RigError

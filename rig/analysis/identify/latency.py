@@ -8,8 +8,8 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from rig.analysis.errors import AnalysisError
-from rig.analysis.swing import truth_at
+from rig.analysis.identify.errors import AnalysisError
+from rig.analysis.identify.swing import truth_at
 
 Array = npt.NDArray[np.float64]
 

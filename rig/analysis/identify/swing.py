@@ -7,7 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from rig.analysis.errors import AnalysisError
+from rig.analysis.identify.errors import AnalysisError
 
 Array = npt.NDArray[np.float64]
 

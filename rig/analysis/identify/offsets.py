@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from rig.analysis.errors import AnalysisError
+from rig.analysis.identify.errors import AnalysisError
 
 Array = npt.NDArray[np.float64]
 
