@@ -18,8 +18,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from comms.clock import stopwatch_s
+from rig.drives.servo.setpoint import Controller, Setpoint
 from rig.runtime import bench
-from rig.servo.setpoint import Controller, Setpoint
 from rig.servo_studies.controllers import CONTROLLERS, lqg
 from rig.servo_studies.spec import ServoSpec, load
 

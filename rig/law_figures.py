@@ -8,7 +8,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from planners.drives.motor import Motor, Verdict, operating_points, torque
 from planners.law_spectra import law_spectrum
 from planners.laws import LAWS
 from planners.laws.catalogue import coefficients
@@ -16,6 +15,7 @@ from planners.pieces import FloatArray
 from planners.splines.limits import OF_ORDER, AxisLimits
 from planners.swing_free import swing_free_cycles
 from planners.trajectory import JUMP, Trajectory
+from rig.drives.motor import Motor, Verdict, operating_points, torque
 from rig.motors import MotorTask
 
 TITLES = ("position / h", "speed × T/h", "acceleration × T²/h", "jerk × T³/h")

@@ -8,11 +8,11 @@ from typing import Any
 
 import msgspec
 
-from planners.drives.motor import Drivetrain, Motor
 from planners.errors import unknown_name
 from planners.laws import LAWS
 from planners.laws.trapezoidal import trapezoidal_by_acceleration
 from planners.trajectory import Trajectory
+from rig.drives.motor import Drivetrain, Motor
 from rig.errors import ConfigError
 from rig.toml_file import Section, convert
 
@@ -60,7 +60,7 @@ class PublishedSection(Section, frozen=True, kw_only=True):
 
 
 class MotorTask(Section, frozen=True, kw_only=True):
-    """A whole file. motor, drivetrain and trajectory are what planners.drives.motor.check takes."""
+    """A whole file. motor, drivetrain and trajectory are what rig.drives.motor.check takes."""
 
     motor_section: MotorSection = msgspec.field(name="motor")
     drivetrain_section: DrivetrainSection = msgspec.field(name="drivetrain")

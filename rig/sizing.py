@@ -11,18 +11,18 @@ from typing import Any, NamedTuple, TypeVar
 
 import msgspec
 
-from planners.drives.ball_screw import Mounting
-from planners.drives.motor import Motor
-from planners.drives.screw.axis import Axis
-from planners.drives.screw.balls import Balls
-from planners.drives.screw.candidate import Candidate
-from planners.drives.screw.cycle import Cycle, Move
-from planners.drives.screw.load import AxisLoad
-from planners.drives.screw.supports import SUPPORTS
-from planners.drives.screw.transmission import Transmission
-from planners.drives.screw.wishes import Shares, Wishes
 from planners.errors import PlanError, check_range, unknown_name
 from planners.laws import bounds
+from rig.drives.motor import Motor
+from rig.drives.screw.axis import Axis
+from rig.drives.screw.balls import Balls
+from rig.drives.screw.candidate import Candidate
+from rig.drives.screw.cycle import Cycle, Move
+from rig.drives.screw.load import AxisLoad
+from rig.drives.screw.shaft import Mounting
+from rig.drives.screw.supports import SUPPORTS
+from rig.drives.screw.transmission import Transmission
+from rig.drives.screw.wishes import Shares, Wishes
 from rig.errors import ConfigError
 from rig.motors import MotorSection
 from rig.toml_file import Section, convert

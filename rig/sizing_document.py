@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from planners.drives.screw.checks import AllowedSpeed, allowed_speed, assess
-from planners.drives.screw.cycle import Cycle
-from planners.drives.screw.table import Row, table
-from planners.drives.screw.verdict import Assessment, Check
+from rig.drives.screw.checks import AllowedSpeed, allowed_speed, assess
+from rig.drives.screw.cycle import Cycle
+from rig.drives.screw.table import Row, table
+from rig.drives.screw.verdict import Assessment, Check
 from rig.sizing import Sizing
 from rig.sizing_published import Comparison, axis_figures, cell_figures, compare, screw_figures
 

@@ -8,12 +8,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from planners.drives.screw.axis import Axis
-from planners.drives.screw.limits import absolute_least_lead
-from planners.drives.screw.region import Line, Region, region
-from planners.drives.screw.verdict import Assessment
 from planners.pieces import FloatArray
 from rig.chart_labels import label_points
+from rig.drives.screw.axis import Axis
+from rig.drives.screw.limits import absolute_least_lead
+from rig.drives.screw.region import Line, Region, region
+from rig.drives.screw.verdict import Assessment
 
 MM = 1e3
 POINTS = 400  # diameters

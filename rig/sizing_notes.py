@@ -6,14 +6,14 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
-from planners.drives.screw import digits
-from planners.drives.screw.axis import Axis
-from planners.drives.screw.balls import BALLS_M_RPM
-from planners.drives.screw.candidate import Candidate
-from planners.drives.screw.checks import allowed_speed
-from planners.drives.screw.limits import RPM
-from planners.drives.screw.remedies import slower
-from planners.drives.screw.verdict import Assessment
+from rig.drives.screw import digits
+from rig.drives.screw.axis import Axis
+from rig.drives.screw.balls import BALLS_M_RPM
+from rig.drives.screw.candidate import Candidate
+from rig.drives.screw.checks import allowed_speed
+from rig.drives.screw.limits import RPM
+from rig.drives.screw.remedies import slower
+from rig.drives.screw.verdict import Assessment
 
 CORE = 0.9  # of the nominal diameter: about what is left below a thread
 

@@ -8,20 +8,20 @@ from dataclasses import replace
 from decimal import Decimal, InvalidOperation
 from typing import NamedTuple
 
-from planners.drives.screw.axis import Axis
-from planners.drives.screw.candidate import Candidate
-from planners.drives.screw.life import dynamic_load_n, life_h
-from planners.drives.screw.limits import (
+from planners.errors import unknown_name
+from rig.drives.screw.axis import Axis
+from rig.drives.screw.candidate import Candidate
+from rig.drives.screw.life import dynamic_load_n, life_h
+from rig.drives.screw.limits import (
     RPM,
     absolute_least_lead,
     least_diameter_by_buckling_m,
     least_lead_by_balls_m,
     least_lead_by_whirl_m,
 )
-from planners.drives.screw.preload import PRELOAD_SHARES
-from planners.drives.screw.table import Row
-from planners.drives.screw.verdict import Assessment
-from planners.errors import unknown_name
+from rig.drives.screw.preload import PRELOAD_SHARES
+from rig.drives.screw.table import Row
+from rig.drives.screw.verdict import Assessment
 from rig.errors import ConfigError
 from rig.sizing import PublishedFigure
 

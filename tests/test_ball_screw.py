@@ -14,16 +14,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import eigh
 
-from planners.drives.ball_screw import BallScrew, Mounting
-from planners.drives.motor import Drivetrain, effort
-from planners.drives.screw.axis import Axis
-from planners.drives.screw.balls import BALLS_M_RPM, Balls
-from planners.drives.screw.candidate import Candidate
-from planners.drives.screw.checks import assess
-from planners.drives.screw.cycle import Cycle, Move
-from planners.drives.screw.demand import demand, shaft_demand
-from planners.drives.screw.life import dynamic_load_n, equivalent_force_n, least_lead_by_life_m, life_h
-from planners.drives.screw.limits import (
+from planners.laws import LAWS
+from rig.drives.motor import Drivetrain, effort
+from rig.drives.screw.axis import Axis
+from rig.drives.screw.balls import BALLS_M_RPM, Balls
+from rig.drives.screw.candidate import Candidate
+from rig.drives.screw.checks import assess
+from rig.drives.screw.cycle import Cycle, Move
+from rig.drives.screw.demand import demand, shaft_demand
+from rig.drives.screw.life import dynamic_load_n, equivalent_force_n, least_lead_by_life_m, life_h
+from rig.drives.screw.limits import (
     absolute_least_lead,
     greatest_lead_by_accuracy_m,
     greatest_lead_by_stiffness_m,
@@ -32,12 +32,12 @@ from planners.drives.screw.limits import (
     least_lead_by_balls_m,
     least_lead_by_whirl_m,
 )
-from planners.drives.screw.load import AxisLoad
-from planners.drives.screw.supports import SUPPORTS
-from planners.drives.screw.table import table
-from planners.drives.screw.transmission import Transmission
-from planners.drives.screw.wishes import Shares, Wishes
-from planners.laws import LAWS
+from rig.drives.screw.load import AxisLoad
+from rig.drives.screw.shaft import BallScrew, Mounting
+from rig.drives.screw.supports import SUPPORTS
+from rig.drives.screw.table import table
+from rig.drives.screw.transmission import Transmission
+from rig.drives.screw.wishes import Shares, Wishes
 
 DATA = tomllib.loads((Path(__file__).parent / "data" / "ball_screw.toml").read_text())
 FREE, SIMPLE, MIXED, FIXED = "fixed-free", "supported-supported", "fixed-supported", "fixed-fixed"  # ever stiffer

@@ -9,13 +9,13 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from rig.servo.cascade import Cascade, CascadeController
-from rig.servo.errors import BeyondNyquist, ServoError
-from rig.servo.loops import Mode, modes, swinging
-from rig.servo.notch import Notch
-from rig.servo.setpoint import Setpoint
-from rig.servo.two_mass import TwoMass
-from rig.servo.wiring import position_loop
+from rig.drives.servo.cascade import Cascade, CascadeController
+from rig.drives.servo.errors import BeyondNyquist, ServoError
+from rig.drives.servo.loops import Mode, modes, swinging
+from rig.drives.servo.notch import Notch
+from rig.drives.servo.setpoint import Setpoint
+from rig.drives.servo.two_mass import TwoMass
+from rig.drives.servo.wiring import position_loop
 
 FIGURES = tomllib.loads((Path(__file__).parent / "data" / "servo_loops.toml").read_text())
 EXAMPLE = FIGURES["example"]

@@ -10,13 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from rig.servo.cascade import Cascade, CascadeController
-from rig.servo.disturbance_design import LowPass, Nominal, ObserverDesign
-from rig.servo.disturbance_observer import Compensated, DisturbanceObserver
-from rig.servo.errors import BeyondNyquist, Improper, ServoError
-from rig.servo.loops import modes, swinging
-from rig.servo.setpoint import Setpoint
-from rig.servo.two_mass import TwoMass
+from rig.drives.servo.cascade import Cascade, CascadeController
+from rig.drives.servo.disturbance_design import LowPass, Nominal, ObserverDesign
+from rig.drives.servo.disturbance_observer import Compensated, DisturbanceObserver
+from rig.drives.servo.errors import BeyondNyquist, Improper, ServoError
+from rig.drives.servo.loops import modes, swinging
+from rig.drives.servo.setpoint import Setpoint
+from rig.drives.servo.two_mass import TwoMass
 
 FIGURES = tomllib.loads((Path(__file__).parent / "data" / "servo_loops.toml").read_text())
 KNOWN = FIGURES["observer"]

@@ -15,10 +15,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm, solve_continuous_are, solve_continuous_lyapunov, solve_discrete_lyapunov
 
-from rig.servo.errors import BeyondNyquist, NotObservable, PolesOutOfReach, ServoError
-from rig.servo.estimator import ENCODER, Estimator, Noise, SampledEstimator, assign, kalman, sampled_kalman
-from rig.servo.reachability import own_units
-from rig.servo.two_mass import TwoMass
+from rig.drives.servo.errors import BeyondNyquist, NotObservable, PolesOutOfReach, ServoError
+from rig.drives.servo.estimator import ENCODER, Estimator, Noise, SampledEstimator, assign, kalman, sampled_kalman
+from rig.drives.servo.reachability import own_units
+from rig.drives.servo.two_mass import TwoMass
 
 DATA = tomllib.loads((Path(__file__).parent / "data" / "servo_state_space.toml").read_text())
 JOINTS = {name: TwoMass(**keys) for name, keys in DATA["joints"].items()}

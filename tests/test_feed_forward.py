@@ -14,12 +14,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lsim
 
-from rig.servo.errors import Improper, ServoError
-from rig.servo.estimator import kalman
-from rig.servo.feed_forward import LoadFilter, characteristic, dynamic, lead, least_degree, nominal, pair
-from rig.servo.lqg import compensator
-from rig.servo.state_feedback import lq
-from rig.servo.two_mass import TwoMass
+from rig.drives.servo.errors import Improper, ServoError
+from rig.drives.servo.estimator import kalman
+from rig.drives.servo.feed_forward import LoadFilter, characteristic, dynamic, lead, least_degree, nominal, pair
+from rig.drives.servo.lqg import compensator
+from rig.drives.servo.state_feedback import lq
+from rig.drives.servo.two_mass import TwoMass
 
 DATA = tomllib.loads((Path(__file__).parent / "data" / "servo_state_space.toml").read_text())
 JOINTS = {name: TwoMass(**keys) for name, keys in DATA["joints"].items()}

@@ -14,14 +14,14 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 from scipy.signal import lsim
 
-from rig.servo.errors import BeyondNyquist, Improper, PolesOutOfReach, ServoError
-from rig.servo.estimator import Estimator, Noise, kalman, sampled_kalman
-from rig.servo.feed_forward import LoadFilter
-from rig.servo.lqg import StateSpaceController, compensator, continuous_facts
-from rig.servo.setpoint import Setpoint
-from rig.servo.state_feedback import Feedback, assign, lq
-from rig.servo.two_mass import TwoMass
-from rig.servo.wiring import position_loop
+from rig.drives.servo.errors import BeyondNyquist, Improper, PolesOutOfReach, ServoError
+from rig.drives.servo.estimator import Estimator, Noise, kalman, sampled_kalman
+from rig.drives.servo.feed_forward import LoadFilter
+from rig.drives.servo.lqg import StateSpaceController, compensator, continuous_facts
+from rig.drives.servo.setpoint import Setpoint
+from rig.drives.servo.state_feedback import Feedback, assign, lq
+from rig.drives.servo.two_mass import TwoMass
+from rig.drives.servo.wiring import position_loop
 
 DATA = tomllib.loads((Path(__file__).parent / "data" / "servo_state_space.toml").read_text())
 JOINTS = {name: TwoMass(**keys) for name, keys in DATA["joints"].items()}

@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planners.drives.motor import Drivetrain, Motor, check, effort, operating_points, torque
 from planners.errors import PlanError
 from planners.laws import LAWS
 from planners.pieces import ExpPolynomial, Mode, Smooth, polynomial
 from planners.trajectory import Trajectory
+from rig.drives.motor import Drivetrain, Motor, check, effort, operating_points, torque
 
 DATA = tomllib.loads((Path(__file__).parent / "data" / "spectra.toml").read_text())["motor"]
 MOTOR = Motor(continuous_torque_n_m=8.0, peak_torque_n_m=20.0, max_speed_rad_s=10.0)

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rig.servo.errors import BeyondNyquist, ServoError
-from rig.servo.loops import Mode
-from rig.servo.notch import Notch
+from rig.drives.servo.errors import BeyondNyquist, ServoError
+from rig.drives.servo.loops import Mode
+from rig.drives.servo.notch import Notch
 
 FIGURES = tomllib.loads((Path(__file__).parent / "data" / "servo_loops.toml").read_text())["notch"]
 shares = st.just(0.0) | st.floats(1e-3, 0.99)

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from matplotlib.collections import PolyCollection
 
-from planners.drives.ball_screw import Mounting
-from planners.drives.screw.checks import assess
-from planners.drives.screw.wishes import Wishes
+from rig.drives.screw.checks import assess
+from rig.drives.screw.shaft import Mounting
+from rig.drives.screw.wishes import Wishes
 from rig.sizing import example_tables, sizing_of
 from rig.sizing_figure import TOLD, draw_region
 

@@ -11,21 +11,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planners.drives.ball_screw import Mounting
-from planners.drives.motor import Motor
-from planners.drives.screw import digits
-from planners.drives.screw.balls import Balls
-from planners.drives.screw.candidate import Candidate
-from planners.drives.screw.checks import allowed_speed, assess
-from planners.drives.screw.cycle import Cycle, Move
-from planners.drives.screw.lead_classes import LEAD_CLASSES, TABULATED, lead_class, travel_deviation_m
-from planners.drives.screw.load import AxisLoad
-from planners.drives.screw.region import region
-from planners.drives.screw.supports import SUPPORTS
-from planners.drives.screw.transmission import Transmission
-from planners.drives.screw.verdict import NOT_ASKED, UNDECIDED, Check
-from planners.drives.screw.wishes import Shares, Wishes
 from planners.errors import PlanError
+from rig.drives.motor import Motor
+from rig.drives.screw import digits
+from rig.drives.screw.balls import Balls
+from rig.drives.screw.candidate import Candidate
+from rig.drives.screw.checks import allowed_speed, assess
+from rig.drives.screw.cycle import Cycle, Move
+from rig.drives.screw.lead_classes import LEAD_CLASSES, TABULATED, lead_class, travel_deviation_m
+from rig.drives.screw.load import AxisLoad
+from rig.drives.screw.region import region
+from rig.drives.screw.shaft import Mounting
+from rig.drives.screw.supports import SUPPORTS
+from rig.drives.screw.transmission import Transmission
+from rig.drives.screw.verdict import NOT_ASKED, UNDECIDED, Check
+from rig.drives.screw.wishes import Shares, Wishes
 from rig.sizing import example_tables, sizing_of
 
 SIZING = sizing_of(example_tables("appendix"))

@@ -10,14 +10,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planners.drives.ball_screw import BallScrew, Mounting
-from planners.drives.screw.cycle import Cycle, Move
-from planners.drives.screw.demand import demand, shaft_demand
-from planners.drives.screw.load import AxisLoad
-from planners.drives.screw.table import table
-from planners.drives.screw.transmission import Transmission
 from planners.errors import PlanError
 from planners.laws import LAWS
+from rig.drives.screw.cycle import Cycle, Move
+from rig.drives.screw.demand import demand, shaft_demand
+from rig.drives.screw.load import AxisLoad
+from rig.drives.screw.shaft import BallScrew, Mounting
+from rig.drives.screw.table import table
+from rig.drives.screw.transmission import Transmission
 
 SCREW = BallScrew(diameter_m=0.032, lead_m=0.01, mounting=Mounting(length_m=1.2))
 LOSSY = Transmission(efficiency=0.8, motor_inertia_kg_m2=1e-5, drag_torque_n_m=0.1)

@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from planners.drives.screw.checks import assess
-from planners.drives.screw.preload import ball_load_n, drag_torque_n_m
-from planners.drives.screw.table import table
+from rig.drives.screw.checks import assess
+from rig.drives.screw.preload import ball_load_n, drag_torque_n_m
+from rig.drives.screw.table import table
 from rig.sizing import example_tables, sizing_of
 
 SIZING = sizing_of(example_tables("appendix"))

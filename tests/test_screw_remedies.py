@@ -12,19 +12,19 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from planners.drives.ball_screw import Mounting
-from planners.drives.motor import Motor
-from planners.drives.screw import digits
-from planners.drives.screw.axis import Axis
-from planners.drives.screw.balls import Balls
-from planners.drives.screw.candidate import Candidate
-from planners.drives.screw.checks import assess
-from planners.drives.screw.cycle import Cycle, Move
-from planners.drives.screw.load import AxisLoad
-from planners.drives.screw.remedies import LEADS
-from planners.drives.screw.supports import SUPPORTS
-from planners.drives.screw.transmission import Transmission
-from planners.drives.screw.wishes import Wishes
+from rig.drives.motor import Motor
+from rig.drives.screw import digits
+from rig.drives.screw.axis import Axis
+from rig.drives.screw.balls import Balls
+from rig.drives.screw.candidate import Candidate
+from rig.drives.screw.checks import assess
+from rig.drives.screw.cycle import Cycle, Move
+from rig.drives.screw.load import AxisLoad
+from rig.drives.screw.remedies import LEADS
+from rig.drives.screw.shaft import Mounting
+from rig.drives.screw.supports import SUPPORTS
+from rig.drives.screw.transmission import Transmission
+from rig.drives.screw.wishes import Wishes
 from rig.sizing import example_tables, sizing_of
 
 THERE = Move(stroke_m=0.5, time_s=0.5, law="quintic", rest_s=0.2)

@@ -9,7 +9,7 @@ import pytest
 from scipy.linalg import eigh
 from scipy.optimize import brentq
 
-from planners.drives.screw.supports import SUPPORTS
+from rig.drives.screw.supports import SUPPORTS
 
 FREE, SIMPLE, MIXED, FIXED = "fixed-free", "supported-supported", "fixed-supported", "fixed-fixed"  # ever stiffer
 

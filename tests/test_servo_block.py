@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rig.servo import loops
-from rig.servo.block import Block, discretise
-from rig.servo.errors import BeyondNyquist, Improper, ServoError
+from rig.drives.servo import loops
+from rig.drives.servo.block import Block, discretise
+from rig.drives.servo.errors import BeyondNyquist, Improper, ServoError
 
 
 def lag(time_s: float) -> control.TransferFunction:

@@ -13,14 +13,14 @@ import msgspec
 import numpy as np
 import pytest
 
-from planners.drives.motor import Drivetrain, effort
 from planners.errors import PlanError
+from rig.drives.motor import Drivetrain, effort
+from rig.drives.servo.errors import PolesOutOfReach, ServoError
+from rig.drives.servo.estimator import Noise, sampled_kalman
+from rig.drives.servo.loops import swinging
+from rig.drives.servo.setpoint import Setpoint
+from rig.drives.servo.state_feedback import lq
 from rig.errors import ConfigError
-from rig.servo.errors import PolesOutOfReach, ServoError
-from rig.servo.estimator import Noise, sampled_kalman
-from rig.servo.loops import swinging
-from rig.servo.setpoint import Setpoint
-from rig.servo.state_feedback import lq
 from rig.servo_studies import bench_run
 from rig.servo_studies.compare import Row, built, designs
 from rig.servo_studies.compare import compare as runs

@@ -11,8 +11,8 @@ from scipy.linalg import expm
 from scipy.signal import lsim
 
 from planners.shapers import zv
-from rig.servo.loops import Mode
-from rig.servo.shaped_setpoint import rate_1_s
+from rig.drives.servo.loops import Mode
+from rig.drives.servo.shaped_setpoint import rate_1_s
 from rig.servo_studies.shaping import impulse_response, pulse
 
 DATA = tomllib.loads((Path(__file__).parent / "data" / "servo_shaping.toml").read_text())

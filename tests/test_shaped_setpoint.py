@@ -14,11 +14,11 @@ from planners.errors import PlanError
 from planners.laws import LAWS
 from planners.shapers import SHAPERS, Shaper, residual, transform
 from planners.shaping import shape
-from rig.servo.errors import BeyondNyquist, ServoError
-from rig.servo.loops import Mode, swinging
-from rig.servo.setpoint import Setpoint
-from rig.servo.shaped_setpoint import ShapedSetpoint, design, facts, on_grid, rate_1_s
-from rig.servo.two_mass import TwoMass
+from rig.drives.servo.errors import BeyondNyquist, ServoError
+from rig.drives.servo.loops import Mode, swinging
+from rig.drives.servo.setpoint import Setpoint
+from rig.drives.servo.shaped_setpoint import ShapedSetpoint, design, facts, on_grid, rate_1_s
+from rig.drives.servo.two_mass import TwoMass
 
 DATA = tomllib.loads((Path(__file__).parent / "data" / "servo_shaping.toml").read_text())
 POSITIVE = ("zv", "zvd", "zvdd", "zvddd", "ei", "ei_two_hump", "ei_three_hump")

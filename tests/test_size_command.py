@@ -11,16 +11,16 @@ import msgspec
 import numpy as np
 import pytest
 
-from planners.drives.ball_screw import Mounting
-from planners.drives.motor import Motor
-from planners.drives.screw.axis import Axis
-from planners.drives.screw.balls import Balls
-from planners.drives.screw.cycle import Cycle, Move
-from planners.drives.screw.load import AxisLoad
-from planners.drives.screw.region import region
-from planners.drives.screw.supports import SUPPORTS
-from planners.drives.screw.transmission import Transmission
-from planners.drives.screw.wishes import Shares, Wishes
+from rig.drives.motor import Motor
+from rig.drives.screw.axis import Axis
+from rig.drives.screw.balls import Balls
+from rig.drives.screw.cycle import Cycle, Move
+from rig.drives.screw.load import AxisLoad
+from rig.drives.screw.region import region
+from rig.drives.screw.shaft import Mounting
+from rig.drives.screw.supports import SUPPORTS
+from rig.drives.screw.transmission import Transmission
+from rig.drives.screw.wishes import Shares, Wishes
 from rig.sizing import example_tables, sizing_of
 from rig.sizing_published import Comparison
 from rig.toml_file import read_toml

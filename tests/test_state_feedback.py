@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 from scipy.linalg import expm, solve_continuous_are, solve_continuous_lyapunov
 from scipy.signal import place_poles
 
-from rig.servo import riccati
-from rig.servo.errors import BeyondNyquist, NotObservable, NotReachable, PolesOutOfReach, ServoError
-from rig.servo.reachability import check_observable, check_reachable, reach
-from rig.servo.state_feedback import Feedback, assign, augmented, augmented_units, lq, sampled_joint
-from rig.servo.two_mass import TwoMass
+from rig.drives.servo import riccati
+from rig.drives.servo.errors import BeyondNyquist, NotObservable, NotReachable, PolesOutOfReach, ServoError
+from rig.drives.servo.reachability import check_observable, check_reachable, reach
+from rig.drives.servo.state_feedback import Feedback, assign, augmented, augmented_units, lq, sampled_joint
+from rig.drives.servo.two_mass import TwoMass
 
 DATA = tomllib.loads((Path(__file__).parent / "data" / "servo_state_space.toml").read_text())
 JOINTS = {name: TwoMass(**keys) for name, keys in DATA["joints"].items()}

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rig.servo.errors import ServoError
-from rig.servo.loops import modes, swinging
-from rig.servo.two_mass import TwoMass
+from rig.drives.servo.errors import ServoError
+from rig.drives.servo.loops import modes, swinging
+from rig.drives.servo.two_mass import TwoMass
 
 DATA = tomllib.loads((Path(__file__).parent / "data" / "servo_joint.toml").read_text())
 joints = st.builds(

@@ -9,9 +9,9 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from planners.drives.motor import TOLERANCE, Verdict, check
 from planners.laws import LAWS
 from rig.cli.output import out, print_json, wide
+from rig.drives.motor import TOLERANCE, Verdict, check
 from rig.errors import REFUSED, ConfigError
 from rig.motors import EXAMPLES, MotorTask, example_tables, task_of
 from rig.toml_file import read_toml

@@ -16,7 +16,7 @@ from rig.cli.output import PLAIN, err, out, print_json, wide
 from rig.errors import BAD_DATA, ConfigError
 
 if TYPE_CHECKING:
-    from rig.servo.loops import Facts
+    from rig.drives.servo.loops import Facts
     from rig.servo_studies.compare import Row
     from rig.servo_studies.controllers import Drive
     from rig.servo_studies.spec import ServoSpec
@@ -195,7 +195,7 @@ def _current(spec: ServoSpec, row: Row) -> dict[str, float | None]:
 def _print_designs(spec: ServoSpec, facts: Mapping[str, Facts], drives: Mapping[str, Drive]) -> None:
     import numpy as np
 
-    from rig.servo.loops import swinging
+    from rig.drives.servo.loops import swinging
 
     title = f"loops on the joint believed in, sampled every {1e3 * spec.drive.period_s:g} ms; broken at the motor's torque"
     table = Table(title=title, **PLAIN)

@@ -14,7 +14,7 @@ from rig.cli.output import plain_table, print_json, say, wide
 from rig.errors import ConfigError
 
 if TYPE_CHECKING:
-    from rig.servo.two_mass import TwoMass
+    from rig.drives.servo.two_mass import TwoMass
     from rig.servo_studies.notch import NotchRow, NotchTask, Sampled
 
 EXAMPLE = {"antiresonance": 200.0, "inertia_ratio": 1.0, "damping": 0.1}  # source 001, its simulations
@@ -76,7 +76,7 @@ def notch(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")] = False,
 ) -> int:
     """Compare a notch filter inside the speed loop, upstream of it, and none: poles, margins, what the load does."""
-    from rig.servo.cascade import Cascade  # python-control takes its time
+    from rig.drives.servo.cascade import Cascade  # python-control takes its time
     from rig.servo_studies.notch import NotchTask, compare, sampled
 
     if plot is not None:
@@ -109,7 +109,7 @@ def notch(
 
 def _check(**options: float) -> None:
     """Raises ServoError for a value out of its option's range."""
-    from rig.servo.errors import check_range
+    from rig.drives.servo.errors import check_range
 
     for name, value in options.items():
         check_range(f"--{name.replace('_', '-')}", value, *RANGES[name])
@@ -130,7 +130,7 @@ def _joint(name: str, own: dict[str, float | None]) -> TwoMass:
 
 
 def _normalised(values: dict[str, float]) -> TwoMass:
-    from rig.servo.two_mass import TwoMass
+    from rig.drives.servo.two_mass import TwoMass
 
     _check(**values)
     most = 1.0 / math.sqrt(1.0 + values["inertia_ratio"])

@@ -15,7 +15,7 @@ from rig.cli.output import COLOUR, plain_table, print_json, say, wide
 from rig.errors import ConfigError
 
 if TYPE_CHECKING:
-    from rig.servo.loops import Mode
+    from rig.drives.servo.loops import Mode
     from rig.servo_studies.observer import Interval, ObserverRow, ObserverTask, Rejection, Turns
 
 CORNER = "T_f\n[ms]"
@@ -85,7 +85,7 @@ def observer(
 
 
 def _numbers(text: str) -> tuple[float, ...]:
-    from rig.servo.errors import check_range
+    from rig.drives.servo.errors import check_range
 
     try:
         values = tuple(float(word) for word in text.split(",") if word.strip())
@@ -99,8 +99,8 @@ def _numbers(text: str) -> tuple[float, ...]:
 
 
 def _check(nominal_inertia: float | None, order: int) -> None:
-    from rig.servo.disturbance_design import HIGHEST_ORDER
-    from rig.servo.errors import check_range
+    from rig.drives.servo.disturbance_design import HIGHEST_ORDER
+    from rig.drives.servo.errors import check_range
 
     if nominal_inertia is not None:
         check_range("--nominal-inertia", nominal_inertia, 1e-12, 1e12, "give kg m², as felt at the motor")

@@ -11,15 +11,15 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from planners.drives.screw import digits
-from planners.drives.screw.candidate import Candidate
-from planners.drives.screw.cycle import Cycle
-from planners.drives.screw.digits import number
-from planners.drives.screw.limits import absolute_least_lead
-from planners.drives.screw.table import Row
-from planners.drives.screw.verdict import BROKEN, NOT_ASKED, UNDECIDED, Assessment
 from planners.errors import unknown_name
 from rig.cli.output import COLOUR, out, print_json, wide
+from rig.drives.screw import digits
+from rig.drives.screw.candidate import Candidate
+from rig.drives.screw.cycle import Cycle
+from rig.drives.screw.digits import number
+from rig.drives.screw.limits import absolute_least_lead
+from rig.drives.screw.table import Row
+from rig.drives.screw.verdict import BROKEN, NOT_ASKED, UNDECIDED, Assessment
 from rig.errors import REFUSED, ConfigError
 from rig.sizing import EXAMPLES, Sizing, example_tables, sizing_of
 from rig.sizing_document import Judgement, document, judge

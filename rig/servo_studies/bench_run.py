@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from planners.pieces import FloatArray
 from planners.trajectory import Trajectory
+from rig.drives.servo.setpoint import Controller, Setpoint
 from rig.errors import RunFailed
-from rig.servo.setpoint import Controller, Setpoint
 
 SETTLED = 0.01  # of the largest reference speed
 QUIET = 0.2  # of a run's samples after the move: its end, where the torque is that of rest

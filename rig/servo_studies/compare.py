@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 
 from planners.errors import unknown_name
 from planners.trajectory import Trajectory
+from rig.drives.servo.loops import Facts
+from rig.drives.servo.wiring import position_loop
 from rig.errors import ConfigError
 from rig.runtime import bench
-from rig.servo.loops import Facts
-from rig.servo.wiring import position_loop
 from rig.servo_studies.bench_run import Outcome, Recording, outcome, run
 from rig.servo_studies.controllers import CONTROLLERS, Drive
 from rig.servo_studies.spec import ServoSpec

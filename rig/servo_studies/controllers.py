@@ -8,20 +8,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig.servo.cascade import Cascade, CascadeController
-from rig.servo.disturbance_design import LowPass, Nominal, ObserverDesign
-from rig.servo.disturbance_observer import Compensated, DisturbanceObserver
-from rig.servo.errors import ServoError
-from rig.servo.estimator import Estimator, Noise, SampledEstimator, sampled_kalman
-from rig.servo.estimator import assign as assign_estimator
-from rig.servo.feed_forward import LoadFilter, least_degree
-from rig.servo.loops import Mode, swinging
-from rig.servo.lqg import StateSpaceController
-from rig.servo.notch import Notch
-from rig.servo.setpoint import Controller, Setpoint
-from rig.servo.shaped_setpoint import ShapedSetpoint, design
-from rig.servo.state_feedback import Feedback, assign, lq
-from rig.servo.wiring import Loop
+from rig.drives.servo.cascade import Cascade, CascadeController
+from rig.drives.servo.disturbance_design import LowPass, Nominal, ObserverDesign
+from rig.drives.servo.disturbance_observer import Compensated, DisturbanceObserver
+from rig.drives.servo.errors import ServoError
+from rig.drives.servo.estimator import Estimator, Noise, SampledEstimator, sampled_kalman
+from rig.drives.servo.estimator import assign as assign_estimator
+from rig.drives.servo.feed_forward import LoadFilter, least_degree
+from rig.drives.servo.loops import Mode, swinging
+from rig.drives.servo.lqg import StateSpaceController
+from rig.drives.servo.notch import Notch
+from rig.drives.servo.setpoint import Controller, Setpoint
+from rig.drives.servo.shaped_setpoint import ShapedSetpoint, design
+from rig.drives.servo.state_feedback import Feedback, assign, lq
+from rig.drives.servo.wiring import Loop
 from rig.servo_studies.spec import ServoSpec
 
 SETTLED = 1e-3  # of a step: what a filter may still have to go when it counts as done

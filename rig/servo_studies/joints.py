@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 
 from planners.errors import unknown_name
-from rig.servo.two_mass import TwoMass
+from rig.drives.servo.two_mass import TwoMass
 from rig.servo_studies.spec import load
 
 JOINTS = ("listed", "fitted")  # the second is inferred: the printed modes do not follow from the listed constants

@@ -10,13 +10,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planners.pieces import FloatArray
-from rig.servo.block import check_period
-from rig.servo.cascade import Cascade, Where
-from rig.servo.errors import ServoError, check_range
-from rig.servo.loops import Mode, margins, modes, swinging
-from rig.servo.notch import Notch
-from rig.servo.two_mass import TwoMass
-from rig.servo.wiring import Loop
+from rig.drives.servo.block import check_period
+from rig.drives.servo.cascade import Cascade, Where
+from rig.drives.servo.errors import ServoError, check_range
+from rig.drives.servo.loops import Mode, margins, modes, swinging
+from rig.drives.servo.notch import Notch
+from rig.drives.servo.two_mass import TwoMass
+from rig.drives.servo.wiring import Loop
 
 SETTLED = 0.02  # of the step
 WATCHED = 14.0  # time constants of the slowest pole

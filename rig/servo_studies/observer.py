@@ -13,10 +13,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from planners.pieces import ComplexArray, FloatArray
-from rig.servo.disturbance_design import LowPass, Nominal, ObserverDesign, Place, Ratio
-from rig.servo.errors import ServoError, check_datum
-from rig.servo.loops import Mode, modes, swinging
-from rig.servo.two_mass import TwoMass
+from rig.drives.servo.disturbance_design import LowPass, Nominal, ObserverDesign, Place, Ratio
+from rig.drives.servo.errors import ServoError, check_datum
+from rig.drives.servo.loops import Mode, modes, swinging
+from rig.drives.servo.two_mass import TwoMass
 
 TIME_CONSTANTS_S = (1e-9, 1e-4, 5e-4, 1e-3, 2e-3, 5e-3, 2e-2, 1e9)
 LOW = 0.01  # times omega_z: a frequency that counts as low

@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rig.servo.disturbance_design import Nominal, Place
-from rig.servo.loops import swinging
+from rig.drives.servo.disturbance_design import Nominal, Place
+from rig.drives.servo.loops import swinging
 from rig.servo_studies.observer import ObserverTask, Turns, course, damping, printed_poles_1_s, turns
 
 BARE, FAST, BEST, ELASTIC, GREY = "#212121", "#c62828", "#2e7d32", "#1565c0", "#757575"

@@ -18,9 +18,9 @@ from planners.pieces import FloatArray, add, polynomial
 from planners.shapers import SHAPERS, Shaper, residual, transform
 from planners.shaping import shape
 from planners.trajectory import Trajectory
-from rig.servo.errors import ServoError, check_range
-from rig.servo.loops import Mode
-from rig.servo.shaped_setpoint import MOST_DAMPING, ShaperFacts, design, facts, rate_1_s
+from rig.drives.servo.errors import ServoError, check_range
+from rig.drives.servo.loops import Mode
+from rig.drives.servo.shaped_setpoint import MOST_DAMPING, ShaperFacts, design, facts, rate_1_s
 
 UNSHAPED = Shaper(np.ones(1), np.zeros(1))
 MOST_ERROR = 0.9  # of frequency; at 1 there would be no joint

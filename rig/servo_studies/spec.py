@@ -14,8 +14,8 @@ from msgspec import Meta
 
 from planners.laws.trapezoidal import trapezoidal_by_acceleration
 from planners.trajectory import Trajectory
+from rig.drives.servo.two_mass import TwoMass
 from rig.errors import ConfigError
-from rig.servo.two_mass import TwoMass
 from rig.toml_file import Section, convert, nearest, override, read_toml
 
 SHIPPED = "source_001"
@@ -56,7 +56,7 @@ class MoveSection(Section, frozen=True, kw_only=True):
 
 
 class ModelSection(Section, frozen=True, kw_only=True):
-    """`[model]`: what the controllers believe of the joint; see rig.servo.two_mass.TwoMass."""
+    """`[model]`: what the controllers believe of the joint; see rig.drives.servo.two_mass.TwoMass."""
 
     motor_inertia_kg_m2: float
     load_inertia_kg_m2: float

@@ -1,1 +1,0 @@
-"""What moves the axis: whether a motor can do a motion."""

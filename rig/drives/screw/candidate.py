@@ -1,0 +1,49 @@
+"""A screw, or a unit around one, as a catalogue has it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from planners.errors import PlanError
+from planners.laws import bounds
+from rig.drives.screw.lead_classes import lead_class
+from rig.drives.screw.shaft import BallScrew, Mounting, Thread
+
+
+@dataclass(frozen=True, kw_only=True)
+class Candidate(Thread):
+    """None is not told, and what hangs on it cannot be decided.
+
+    Raises PlanError for an empty name, a number out of bounds and an unknown lead class.
+    """
+
+    name: str
+    origin: str
+    dynamic_load_n: float | None = None
+    static_load_n: float | None = None
+    preload_n: float | None = None  # of its nut; 0 has none
+    speed_m_s: float | None = None  # the unit's own limit
+    stroke_m: float | None = None
+    limit_m_rpm: float | None = None  # of its balls, d x n
+    lead_class: str | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.name.strip():
+            raise PlanError(f"name = {self.name!r}; must not be empty: say what the choice is to call it")
+        for name in ("dynamic_load_n", "static_load_n", "speed_m_s", "stroke_m", "limit_m_rpm", "preload_n"):
+            value = getattr(self, name)
+            if value is not None:
+                bounds.datum(name, value, zero=name == "preload_n")
+        if self.lead_class is not None:
+            lead_class(self.lead_class)
+
+    def screw(self, mounting: Mounting) -> BallScrew:
+        """As a shaft."""
+        return BallScrew(
+            diameter_m=self.diameter_m,
+            lead_m=self.lead_m,
+            core_diameter_m=self.core_diameter_m,
+            ball_circle_m=self.ball_circle_m,
+            mounting=mounting,
+        )

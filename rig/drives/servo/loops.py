@@ -1,0 +1,146 @@
+"""What a loop is judged by: poles as modes, zeros, margins, and how alike its eigenvectors are."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from planners.pieces import ComplexArray, FloatArray
+from rig.drives.servo.errors import ServoError
+
+DELAY = 1e-9  # of a discrete pole that counts as 0
+LEAST = 1e-9  # a gain margin below is the rounding of 0
+REAL = 1e-9  # imaginary part of a real pole, as a share of its size
+
+
+class Mode(NamedTuple):
+    """A pole, or one pair of conjugate ones: |p| and -Re p / |p|; a real pole has damping 1, an unstable one -1."""
+
+    frequency_rad_s: float
+    damping: float
+
+
+class Margins(NamedTuple):
+    """Of a loop opened at one place, if it is stable closed; inf or 0 where the loop never gets there."""
+
+    gain: float  # by which the gain may grow
+    least_gain: float  # to which it may fall
+    phase_deg: float
+    crossover_rad_s: float  # of |L| = 1 with that phase
+    sensitivity: float  # largest |1 / (1 + L)|
+
+
+class Facts(NamedTuple):
+    """A closed loop in numbers."""
+
+    poles_1_s: ComplexArray  # of a discrete loop log(z) / period
+    zeros_1_s: ComplexArray
+    margins: Margins
+    condition: float  # of its eigenvectors, see condition()
+
+    @property
+    def modes(self) -> tuple[Mode, ...]:
+        """Slowest first."""
+        return modes(self.poles_1_s)
+
+    @property
+    def stable(self) -> bool:
+        """Whether every pole decays; margins mean nothing otherwise."""
+        return bool(np.all(self.poles_1_s.real < 0.0))
+
+
+def facts(opened: Any, closed: Any) -> Facts:
+    """Of a loop (control.StateSpace or TransferFunction) opened at the plant's input, and closed from setpoint to output."""
+    return Facts(poles(closed), zeros(closed), margins(opened), condition(closed))
+
+
+def poles(system: Any) -> ComplexArray:
+    """Of a continuous system, or of a discrete one as continuous equivalents [1/s]."""
+    return continuous(system.poles(), system.dt)
+
+
+def zeros(system: Any) -> ComplexArray:
+    """Like poles; those at infinity are left out."""
+    found = np.asarray(system.zeros(), dtype=np.complex128)
+    return continuous(found[np.isfinite(found)], system.dt)
+
+
+def modes(poles_1_s: ComplexArray | FloatArray) -> tuple[Mode, ...]:
+    """One of each conjugate pair, slowest first; a pole at 0 counts as damping 1."""
+    kept = [p for p in np.asarray(poles_1_s, dtype=np.complex128).tolist() if p.imag >= -REAL * abs(p)]
+    rows = [Mode(abs(p), -p.real / abs(p) if abs(p) else 1.0) for p in kept]
+    return tuple(sorted(rows))
+
+
+def swinging(poles_1_s: ComplexArray | FloatArray) -> tuple[Mode, ...]:
+    """Those of the modes that are conjugate pairs."""
+    kept = [p for p in np.asarray(poles_1_s, dtype=np.complex128) if abs(p.imag) > 1e-6 * abs(p)]
+    return modes(np.array(kept))
+
+
+def margins(opened: Any) -> Margins:
+    """Of L = P C with negative feedback; that the closed loop is stable is for its poles to say.
+
+    In time of the loop's fastest pole, and of a sampled loop along w = (2 / T)(z - 1) / (z + 1), which has its margins: the
+    polynomials of nine poles near z = 1, or of powers of 1000 rad/s, leave no digit of them. Raises ServoError for a sampled
+    loop with a pole at z = -1, which that does not reach.
+    """
+    import control
+
+    system = control.ss(opened)
+    a, b, c, d = (np.asarray(part) for part in (system.A, system.B, system.C, system.D))
+    period_s = float(system.dt or 0.0)
+    if period_s:
+        a, b, c, d = _along_w(a, b, c, d, period_s)
+    end = float(d[0, 0])  # L at infinite frequency; of a sampled loop at half the sampling
+    rate_1_s = float(np.max(np.abs(np.linalg.eigvals(a)), initial=0.0)) or 1.0
+    scaled = control.ss(a / rate_1_s, b / rate_1_s, c, d)
+    gains, phases, distances, _, crossings, _ = control.stability_margins(scaled, returnall=True)
+    gains = np.append(gains, -1.0 / end) if end < 0.0 else gains
+    nearest = int(np.argmin(np.abs(phases))) if len(phases) else None
+    crossover = math.inf if nearest is None else float(crossings[nearest]) * rate_1_s
+    if period_s and nearest is not None:
+        crossover = 2.0 / period_s * math.atan(crossover * period_s / 2.0)
+    return Margins(
+        gain=float(min(gains[gains > 1.0], default=math.inf)),
+        least_gain=float(max(gains[(gains < 1.0) & (gains > LEAST)], default=0.0)),
+        phase_deg=math.inf if nearest is None else float(phases[nearest]),
+        crossover_rad_s=crossover,
+        sensitivity=1.0 / float(min(*distances, abs(1.0 + end), math.inf)),
+    )
+
+
+def _along_w(a: Any, b: Any, c: Any, d: Any, period_s: float) -> tuple[Any, Any, Any, Any]:
+    one = np.eye(len(a))
+    if len(a) and np.min(np.abs(np.linalg.eigvals(a) + 1.0)) < DELAY:
+        raise ServoError("a sampled loop with a pole at z = -1; must have none: it rings at half the sampling, filter it")
+    inverse = np.linalg.inv(one + a)
+    return 2.0 / period_s * inverse @ (a - one), 2.0 / period_s * inverse @ b, 2.0 * c @ inverse, d - c @ inverse @ b
+
+
+def condition(system: Any) -> float:
+    """cond of the eigenvectors of the state matrix, each column of length 1; 1 is best, beyond 1e7 two are alike (source 001).
+
+    States are balanced first, as metres beside metres a second say nothing of robustness.
+    """
+    import control
+    from scipy.linalg import matrix_balance
+
+    a = np.asarray(control.ss(system).A)
+    if a.size == 0:
+        return 1.0
+    balanced, _ = matrix_balance(a, permute=False)
+    _, vectors = np.linalg.eig(balanced)
+    return float(np.linalg.cond(vectors))
+
+
+def continuous(found: Any, dt: Any) -> ComplexArray:
+    """Poles or zeros of a discrete system as the continuous ones they stand for, log(z) / dt; those at 0 only delay and are
+    left out.
+    """
+    values = np.asarray(found, dtype=np.complex128)
+    if not dt:
+        return values
+    return np.asarray(np.log(values[np.abs(values) > DELAY]) / float(dt))

@@ -1,0 +1,132 @@
+"""A notch filter: two zeros on a pair of poles that swings, and two well damped poles in its place.
+
+    N(s) = (s^2 + 2 z1 w s + w^2) / (s^2 + 2 z2 w s + w^2),   z1 small, z2 large (source 001, notch filter).
+
+|N| is 1 at 0 and at infinity, and z1 / z2 at w.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from planners.pieces import FloatArray
+from rig.drives.servo.block import check_period, discretise
+from rig.drives.servo.errors import ServoError, check_below_nyquist, check_datum, check_range
+from rig.drives.servo.loops import Mode
+
+DEEPEST_BAND = math.sqrt(0.5)  # a shallower notch is nowhere 3 dB down: no band
+MOST_DAMPING = 100.0  # of the poles
+
+
+@dataclass(frozen=True, kw_only=True)
+class Notch:
+    """By frequency and dampings. Raises ServoError for values out of bounds, or a numerator damped like the denominator."""
+
+    frequency_rad_s: float
+    numerator_damping: float
+    denominator_damping: float = 1.0
+
+    def __post_init__(self) -> None:
+        check_datum("frequency_rad_s", self.frequency_rad_s)
+        check_range("denominator_damping", self.denominator_damping, 1e-6, MOST_DAMPING, "1 is usual")
+        if not 0.0 <= self.numerator_damping < self.denominator_damping:
+            raise ServoError(
+                f"numerator_damping = {self.numerator_damping}; must be 0 or more and < denominator_damping = "
+                f"{self.denominator_damping}, or it is no notch: take the damping of the poles to be cancelled"
+            )
+
+    @classmethod
+    def tuned_to(cls, mode: Mode, denominator_damping: float = 1.0) -> Notch:
+        """Zeros on a pair of poles. Raises ServoError for a pair damped like the denominator, or unstable."""
+        return cls(
+            frequency_rad_s=mode.frequency_rad_s,
+            numerator_damping=mode.damping,
+            denominator_damping=denominator_damping,
+        )
+
+    @classmethod
+    def of_band(cls, frequency_rad_s: float, band_rad_s: float, depth: float = 0.0) -> Notch:
+        """By the width of the band where less than half of the power passes, and what passes of the frequency itself.
+
+        z2 = (band / 2 w) / sqrt(1 - 2 depth^2), z1 = depth z2. Raises ServoError for a depth of 1 / sqrt(2) or more, which has
+        no such band, and for values out of bounds.
+        """
+        check_datum("frequency_rad_s", frequency_rad_s)
+        check_datum("band_rad_s", band_rad_s)
+        if not 0.0 <= depth < DEEPEST_BAND:
+            raise ServoError(
+                f"depth = {depth}; must be 0 or more and < {DEEPEST_BAND:.6g}, or nothing is 3 dB down: ask for a deeper notch"
+            )
+        damping = band_rad_s / (2.0 * frequency_rad_s) / math.sqrt(1.0 - 2.0 * depth**2)
+        return cls(frequency_rad_s=frequency_rad_s, numerator_damping=depth * damping, denominator_damping=damping)
+
+    @property
+    def depth(self) -> float:
+        """What passes of the frequency itself: z1 / z2."""
+        return self.numerator_damping / self.denominator_damping
+
+    @property
+    def depth_db(self) -> float:
+        """20 log10 of depth; -inf for undamped zeros."""
+        return 20.0 * math.log10(self.depth) if self.depth else -math.inf
+
+    @property
+    def band_rad_s(self) -> float:
+        """Width of the band where less than half of the power passes: 2 w sqrt(z2^2 - 2 z1^2).
+
+        Raises ServoError for a notch too shallow to have one.
+        """
+        if not self.depth < DEEPEST_BAND:
+            raise ServoError(
+                f"numerator_damping = {self.numerator_damping}; must be < {self.denominator_damping * DEEPEST_BAND:.6g} "
+                "(denominator_damping / sqrt(2)) to be 3 dB down anywhere: damp the denominator more"
+            )
+        return 2.0 * self.frequency_rad_s * math.sqrt(self.denominator_damping**2 - 2.0 * self.numerator_damping**2)
+
+    @property
+    def edges_rad_s(self) -> tuple[float, float]:
+        """Ends of that band; their product is w^2. Raises ServoError like band_rad_s."""
+        half = self.band_rad_s / 2.0
+        centre = math.hypot(self.frequency_rad_s, half)
+        return centre - half, centre + half
+
+    @property
+    def numerator(self) -> FloatArray:
+        """Highest power first."""
+        w = self.frequency_rad_s
+        return np.array([1.0, 2.0 * self.numerator_damping * w, w * w])
+
+    @property
+    def denominator(self) -> FloatArray:
+        """Highest power first."""
+        w = self.frequency_rad_s
+        return np.array([1.0, 2.0 * self.denominator_damping * w, w * w])
+
+    @property
+    def system(self) -> Any:
+        """control.TransferFunction."""
+        import control
+
+        return control.tf(self.numerator, self.denominator)
+
+    def sampled(self, period_s: float, *, prewarp: bool = True) -> Any:
+        """Discrete control.StateSpace by the bilinear transform: prewarped it is exact at the frequency, else it lies at
+        digital_frequency_rad_s.
+
+        Raises BeyondNyquist for a frequency the sampling cannot hold, ServoError for a sample time out of bounds.
+        """
+        self._check_sampling(period_s)
+        return discretise(self.system, period_s, prewarp_rad_s=self.frequency_rad_s if prewarp else None)
+
+    def digital_frequency_rad_s(self, period_s: float) -> float:
+        """Where the notch lies when sampled without prewarp: (2 / Ts) atan(w Ts / 2). Raises like sampled."""
+        self._check_sampling(period_s)
+        return 2.0 / period_s * math.atan(self.frequency_rad_s * period_s / 2.0)
+
+    def _check_sampling(self, period_s: float) -> None:
+        check_period(period_s)
+        check_below_nyquist("frequency_rad_s", self.frequency_rad_s, period_s, "sample faster, or leave the notch out")
