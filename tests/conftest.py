@@ -8,7 +8,7 @@ from hypothesis import settings
 
 os.environ.pop("COLUMNS", None)  # consoles made under it would keep its width whatever a test sets
 
-from rig.cli import main as command_line
+from rig.ui.cli import main as command_line
 
 settings.register_profile("swayless", deadline=None)  # a busy machine is no failure
 settings.load_profile("swayless")

@@ -24,7 +24,6 @@ from planners.catalog import PLANNERS
 from planners.errors import PlanError
 from planners.models.model import StateSpace
 from planners.problem import Problem
-from rig.cli.compare import compare as verb
 from rig.compare.exact import exact_metrics
 from rig.compare.nodes import shaped_nodes, shooting_nodes
 from rig.compare.ode45 import ode45
@@ -32,6 +31,7 @@ from rig.compare.published import TABLES, rows
 from rig.compare.source_metrics import SAMPLE_S, InputNodes, measure, respond
 from rig.compare.table import PENDULUM, TWO_BARS, compare, planning_time, problem_of
 from rig.errors import ConfigError
+from rig.ui.cli.compare import compare as verb
 
 G, TAU = 9.81, 1 / (20 * math.pi)
 ROWS = [row for table in TABLES for row in rows(table)]
@@ -558,7 +558,7 @@ def test_an_unknown_choice_names_the_nearest(capsys):
 def curves(monkeypatch):
     drawn = []
     monkeypatch.setattr("rig.compare.curves.sensitivity_document", lambda: {"curve": {"residual_rad": [0.0, math.nan]}})
-    monkeypatch.setattr("rig.compare.curves.draw", lambda document, path: drawn.append((len(document), path)))
+    monkeypatch.setattr("rig.ui.plots.sensitivity.draw", lambda document, path: drawn.append((len(document), path)))
     return drawn
 
 

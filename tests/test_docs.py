@@ -7,7 +7,7 @@ import pytest
 
 from comms import wire_page
 from planners.catalog import PLANNERS
-from rig.cli import main as command_line
+from rig.ui.cli import main as command_line
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = ("README.md", "docs/path.md", "docs/planning.md", "docs/motions.md", "docs/drives.md", "docs/wire.md")

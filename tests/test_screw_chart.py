@@ -13,7 +13,7 @@ from rig.drives.screw.checks import assess
 from rig.drives.screw.shaft import Mounting
 from rig.drives.screw.wishes import Wishes
 from rig.sizing import example_tables, sizing_of
-from rig.sizing_figure import TOLD, draw_region
+from rig.ui.plots.screw_chart import TOLD, draw_region
 
 SIZING = sizing_of(example_tables("appendix"))
 AXIS, ENTRIES = SIZING.axis, tuple(SIZING.catalogue.values())

@@ -29,6 +29,7 @@ from planners.shaping import shape
 from planners.trajectory import Trajectory
 from rig.compare import curves
 from rig.errors import RigError
+from rig.ui.plots import sensitivity
 
 METRE = PendulumModel(length_m=1.0)
 BARS = ChainModel(
@@ -449,7 +450,7 @@ def test_the_document_has_every_plan_of_the_source_over_every_parameter(document
 
 
 def test_the_figure_has_a_row_for_each_family_and_both_curves_of_each_plan(document):
-    figure = curves.sheet(document)
+    figure = sensitivity.sheet(document)
     assert len(figure.axes) == 6 * 4
     assert [len(axes.lines) for axes in figure.axes[::4]] == [6, 6, 4, 4, 6, 2]
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["2.5 s", "2 s", "1.5 s", "small swings", "true load"]
@@ -460,18 +461,18 @@ def test_the_figure_has_a_row_for_each_family_and_both_curves_of_each_plan(docum
 
 
 def test_the_figure_names_the_plans_that_leave_it_with_nothing_wrong(document):
-    title = curves.sheet(document).get_suptitle()
+    title = sensitivity.sheet(document).get_suptitle()
     assert title.endswith("two bars robust 1.5 s leaves 94 mrad, two bars robust jerk 1.5 s leaves 141 mrad.")
     few = {"pendulum.ZVD_T2.5.length": document["pendulum.ZVD_T2.5.length"]}
-    assert "nothing wrong" not in curves.sheet(few).get_suptitle()
+    assert "nothing wrong" not in sensitivity.sheet(few).get_suptitle()
 
 
 def test_the_ending_of_the_plot_file_says_its_kind_and_another_or_no_folder_is_refused(document, tmp_path):
     few = {"pendulum.ZVD_T2.5.length": document["pendulum.ZVD_T2.5.length"]}
     for name, mark in (("curves.svg", b"</svg>"), ("curves.PNG", b"\x89PNG"), ("curves.pdf", b"%PDF")):
-        curves.draw(few, tmp_path / name)
+        sensitivity.draw(few, tmp_path / name)
         assert mark in (tmp_path / name).read_bytes()
     with pytest.raises(RigError, match=r"curves.xls'; must end in one of .svg, .png, .pdf: rename it"):
-        curves.draw(few, tmp_path / "curves.xls")
+        sensitivity.draw(few, tmp_path / "curves.xls")
     with pytest.raises(RigError, match=r"no folder '.*nowhere'; must be there: make it, or name another"):
-        curves.draw(few, tmp_path / "nowhere" / "curves.png")
+        sensitivity.draw(few, tmp_path / "nowhere" / "curves.png")

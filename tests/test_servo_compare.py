@@ -331,7 +331,7 @@ def test_more_samples_than_anybody_waits_for_are_refused_with_the_sample_time_th
 
 
 def test_every_controller_of_a_picture_has_a_colour_of_its_own():
-    from rig.servo_studies.compare_figure import draw_comparison
+    from rig.ui.plots.servo_compare import draw_comparison
 
     figure = draw_comparison(list(compare(SPEC, ["listed"], list(CONTROLLERS))))
     lines = figure.axes[0].get_lines()[1:9]

@@ -70,7 +70,7 @@ def start_a_run(folder: Path) -> subprocess.Popen:
         sys.executable,
         "-P",
         "-m",
-        "rig.cli.entry",
+        "rig.ui.cli.entry",
         "run",
         "move",
         "--no-report",
@@ -125,7 +125,7 @@ def test_ctrl_c_stops_the_robot_first_and_keeps_the_log(tmp_path):
 def test_rig_stop_from_a_second_terminal_stops_the_run(tmp_path):
     run = start_a_run(tmp_path)
     wait_for_the_start(run, tmp_path)
-    stop = [sys.executable, "-P", "-m", "rig.cli.entry", "stop", "--runs", str(tmp_path)]
+    stop = [sys.executable, "-P", "-m", "rig.ui.cli.entry", "stop", "--runs", str(tmp_path)]
     told = subprocess.run(stop, capture_output=True, text=True, timeout=30, check=False)
     assert (told.returncode, "stopping" in told.stdout) == (0, True)
     code, said = ended(run)

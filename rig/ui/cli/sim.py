@@ -10,8 +10,8 @@ import typer
 from rich.progress import Progress
 
 from rig import config
-from rig.cli.output import err, out, print_json
 from rig.runtime import bench
+from rig.ui.cli.output import err, out, print_json
 from rig.video import CODECS, write_video
 
 

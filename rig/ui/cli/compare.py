@@ -19,12 +19,12 @@ from rich.text import Text
 
 from comms.clock import stopwatch_s
 from planners.errors import unknown_name
-from rig.cli.output import out, print_json, working
 from rig.compare import table as tables
 from rig.compare.published import METHODS, TABLES
 from rig.compare.table import Comparison, tolerance
 from rig.errors import BAD_DATA, ConfigError
-from rig.picture_file import check_folder
+from rig.ui.cli.output import out, print_json, working
+from rig.ui.plots.picture_file import check_folder
 
 CHOICES = (*TABLES, "all", "sensitivity")
 WIDTH = 140  # characters of a line in a file: a table of two bars needs 134
@@ -96,8 +96,9 @@ def _tables(text: str) -> tuple[str, ...]:
 def _sensitivity(plot: Path | None, csv_file: Path | None, as_json: bool) -> int:
     if csv_file is not None:
         raise ConfigError(f"--csv {csv_file} with sensitivity; must be with a table: take --json")
-    from rig import picture_file  # matplotlib takes its time, and no table needs it
-    from rig.compare.curves import draw, sensitivity_document
+    from rig.compare.curves import sensitivity_document
+    from rig.ui.plots import picture_file  # matplotlib takes its time, and no table needs it
+    from rig.ui.plots.sensitivity import draw
 
     path = None if as_json and plot is None else plot or Path("sensitivity.svg")
     if path is not None:

@@ -9,11 +9,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from planners.pieces import FloatArray
-from rig.chart_labels import label_points
 from rig.drives.screw.axis import Axis
 from rig.drives.screw.limits import absolute_least_lead
 from rig.drives.screw.region import Line, Region, region
 from rig.drives.screw.verdict import Assessment
+from rig.ui.plots.labels import label_points
 
 MM = 1e3
 POINTS = 400  # diameters

@@ -10,7 +10,7 @@ import typer
 
 from rig import runs as folders
 from rig.analysis.analyze import Analysis
-from rig.cli.output import out, print_json, print_summary
+from rig.ui.cli.output import out, print_json, print_summary
 
 
 def analyze(
@@ -27,7 +27,7 @@ def analyze(
     if csv_file is not None:
         _write_csv(analysis, csv_file)
     if report:
-        from rig.report import write
+        from rig.ui.report import write
 
         twin = analysis.run.folder / "twin" / folders.LOG
         write(analysis.run.folder, analysis, Analysis(twin) if twin.is_file() else None)

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rig.servo_studies.compare import Row
-from rig.servo_studies.shaping_figure import BARE, COLOURS, GREY
+from rig.ui.plots.servo_shaping import BARE, COLOURS, GREY
 
 BEFORE_S = 0.03  # shown before a move, and before its end in the close look
 AFTER_S = 0.2  # shown after its end in the close look

@@ -10,11 +10,11 @@ import typer
 from rich.table import Table
 
 from planners.laws import LAWS
-from rig.cli.output import out, print_json, wide
 from rig.drives.motor import TOLERANCE, Verdict, check
 from rig.errors import REFUSED, ConfigError
 from rig.motors import EXAMPLES, MotorTask, example_tables, task_of
 from rig.toml_file import read_toml
+from rig.ui.cli.output import out, print_json, wide
 
 UNITS = {"torque": "N m", "thermal": "N m", "speed": "rad/s", "power": "W"}
 TITLES = {"torque": "the peak torque", "thermal": "the rms torque", "speed": "the speed", "power": "the power"}
@@ -96,8 +96,8 @@ def motor_check(
     trajectory = task.trajectory()
     verdict = check(task.motor, task.drivetrain, trajectory, task.motion.rest_s)
     if plot is not None:
-        from rig import picture_file  # matplotlib takes its time
-        from rig.law_figures import draw_motor
+        from rig.ui.plots import picture_file  # matplotlib takes its time
+        from rig.ui.plots.laws import draw_motor
 
         picture_file.save(draw_motor(task, trajectory, verdict), plot)
     if as_json:

@@ -22,9 +22,9 @@ from planners.splines.blends import parabolic_blends
 from planners.splines.limits import OF_ORDER, AxisLimits
 from planners.splines.minimum_time import SHAPES, minimum_time
 from planners.trajectory import Trajectory
-from rig import picture_file
-from rig.cli.output import out, print_json, wide, working
 from rig.errors import REFUSED, ConfigError
+from rig.ui.cli.output import out, print_json, wide, working
+from rig.ui.plots import picture_file
 from rig.waypoints import AXES, Waypoints, read_waypoints
 
 BLENDS = "blends"
@@ -106,7 +106,7 @@ def spline(
     if csv_file is not None:
         _write_csv(paths, csv_file)
     if plot is not None:
-        from rig.law_figures import draw_motion  # matplotlib takes its time
+        from rig.ui.plots.laws import draw_motion  # matplotlib takes its time
 
         title = f"{kind} through {timing.times_s.size} points in {timing.times_s[-1]:.6g} s, {timing.how}"
         picture_file.save(draw_motion(paths, timing.times_s, limits, title), plot)

@@ -17,11 +17,11 @@ from planners.laws import LAWS
 from planners.models.chain import ChainModel
 from planners.models.model import INPUTS, LAG_S, cart_of
 from planners.problem import Limits, Plan, Problem
-from rig import picture_file
-from rig.cli.output import out, print_json
 from rig.config import LimitsSection, ModelSection
 from rig.errors import REFUSED, ConfigError
 from rig.load_model import model_of
+from rig.ui.cli.output import out, print_json
+from rig.ui.plots import picture_file
 
 SAMPLE_S = 0.01
 
@@ -116,7 +116,7 @@ def plan(
     if csv_file is not None:
         _write_csv(made, csv_file)
     if plot is not None:
-        from rig.plan_figure import draw_plan  # matplotlib takes its time
+        from rig.ui.plots.plan import draw_plan  # matplotlib takes its time
 
         picture_file.save(draw_plan(made), plot)
     if as_json:

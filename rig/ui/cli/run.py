@@ -15,11 +15,11 @@ from planners.problem import Plan
 from rig import config, experiment
 from rig.analysis.analyze import Analysis
 from rig.analysis.summary import Summary
-from rig.cli.output import err, out, print_json, print_summary
 from rig.errors import STOPPED, ConfigError, Stopped
 from rig.job import Job, plan_move
 from rig.operator import Operator
 from rig.runs import LOG
+from rig.ui.cli.output import err, out, print_json, print_summary
 
 RUNS = Path("runs")
 
@@ -86,7 +86,7 @@ def _tell(ran: experiment.Ran, quiet: bool, report: bool, run_s: float) -> Summa
     analysis = Analysis(ran.folder / LOG)
     analysed = stopwatch_s()
     if report:
-        from rig.report import write
+        from rig.ui.report import write
 
         write(ran.folder, analysis, Analysis(ran.twin / LOG) if ran.twin else None)
     if not quiet:

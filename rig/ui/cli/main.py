@@ -11,10 +11,10 @@ import typer
 from comms.errors import CommsError, LogError
 from planners.errors import PlanError
 from rig.analysis.identify.errors import AnalysisError
-from rig.cli import analyze, calibrate, compare, doctor, laws, motor_check, plan, run, servo, sim, size, spline, stop, track
-from rig.cli.output import print_json
 from rig.drives.servo.errors import ServoError
 from rig.errors import BAD_DATA, EXIT_STATUS, REFUSED, USAGE, RigError
+from rig.ui.cli import analyze, calibrate, compare, doctor, laws, motor_check, plan, run, servo, sim, size, spline, stop, track
+from rig.ui.cli.output import print_json
 from vision.errors import VisionError
 
 KNOWN = (RigError, CommsError, PlanError, VisionError, AnalysisError, ServoError)

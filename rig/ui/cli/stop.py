@@ -10,8 +10,8 @@ import msgspec
 import typer
 
 from comms.operator_bus import ask
-from rig.cli.output import out
 from rig.errors import FAULT, RigError
+from rig.ui.cli.output import out
 
 ANSWER_MS = 3000
 

@@ -9,10 +9,10 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from rig.cli.output import err, out, print_json
 from rig.config import NetworkSection
 from rig.doctor import examine
 from rig.errors import REFUSED
+from rig.ui.cli.output import err, out, print_json
 
 COLOUR = {"ok": "green", "warning": "yellow", "failed": "red"}
 

@@ -10,8 +10,8 @@ from typing import Annotated, NamedTuple
 
 import typer
 
-from rig.cli.output import out, print_json
 from rig.errors import BAD_DATA, ConfigError
+from rig.ui.cli.output import out, print_json
 from vision.errors import VisionError
 
 FIELDS = ("frame", "t_s", "angle_rad", "sigma_rad", "valid", "reason")

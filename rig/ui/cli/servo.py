@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from rig.cli import servo_compare, servo_notch, servo_observer, servo_shaping
+from rig.ui.cli import servo_compare, servo_notch, servo_observer, servo_shaping
 
 app = typer.Typer(no_args_is_help=True, help="Controllers of an elastic joint: on paper and on the simulated bench.")
 app.command("compare")(servo_compare.compare)

@@ -8,10 +8,10 @@ import io
 from pathlib import Path
 from typing import Any
 
-from rig import figures
 from rig.analysis.analyze import Analysis
 from rig.analysis.summary import QUANTITIES, Quantities, Summary
 from rig.runs import REPORT
+from rig.ui.plots import run as run_plots
 
 STYLE = """
 :root { color-scheme: light dark }
@@ -32,11 +32,11 @@ def write(folder: Path, analysis: Analysis, twin: Analysis | None = None) -> Pat
         _head(s),
         _quantities(s, twin.summary if twin else None),
         "<h2>Position</h2>",
-        _svg(figures.position(analysis.run, twin.run if twin else None)),
+        _svg(run_plots.position(analysis.run, twin.run if twin else None)),
         "<h2>Swing</h2>",
-        _svg(figures.swing(analysis.run, twin.run if twin else None)),
+        _svg(run_plots.swing(analysis.run, twin.run if twin else None)),
         "<h2>Residual swing</h2>",
-        _svg(figures.residual(analysis.run, analysis.fit, twin.run if twin else None)),
+        _svg(run_plots.residual(analysis.run, analysis.fit, twin.run if twin else None)),
         _picture(analysis),
         _delays(s),
         _ledger(s),
@@ -70,7 +70,7 @@ def _quantities(s: Summary, twin: Summary | None) -> str:
 
 
 def _picture(analysis: Analysis) -> str:
-    figure = figures.camera(analysis.run)
+    figure = run_plots.camera(analysis.run)
     if figure is None:
         return ""
     stream = io.BytesIO()

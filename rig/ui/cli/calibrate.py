@@ -13,10 +13,10 @@ from rich.table import Table
 from rig import calibrate as calibration_run
 from rig import calibration_file, config, experiment
 from rig.analysis.run_log import RunLog
-from rig.cli.output import err, out, print_json
 from rig.errors import Stopped
 from rig.operator import Operator
 from rig.runs import LOG
+from rig.ui.cli.output import err, out, print_json
 
 app = typer.Typer(no_args_is_help=True, help="Make the tables the tracker needs.")
 

@@ -16,10 +16,10 @@ from planners.laws.catalogue import Coefficients, catalogue
 from planners.laws.rect_cascade import LIMITS
 from planners.models.pendulum import PendulumModel
 from planners.swing_free import swing_free_cycles
-from rig.cli.output import PLAIN, out, print_json, wide, working
 from rig.config import LimitsSection, ModelSection
 from rig.errors import ConfigError
 from rig.law_moves import WORDS, LawMove, law_move, period_s
+from rig.ui.cli.output import PLAIN, out, print_json, wide, working
 
 FIGURES = ("cv", "ca", "cv_rms", "ca_rms")
 HEADERS = ("Cv", "Ca", "Cv rms", "Ca rms")
@@ -143,8 +143,8 @@ def plot(
     for name in chosen:
         if name not in LAWS:
             raise unknown_name("law", name, LAWS)
-    from rig import picture_file  # matplotlib takes its time
-    from rig.law_figures import draw_laws
+    from rig.ui.plots import picture_file  # matplotlib takes its time
+    from rig.ui.plots.laws import draw_laws
 
     picture_file.check(path)
     with working("drawing the laws"):

@@ -12,7 +12,6 @@ import typer
 from rich.table import Table
 
 from planners.errors import unknown_name
-from rig.cli.output import COLOUR, out, print_json, wide
 from rig.drives.screw import digits
 from rig.drives.screw.candidate import Candidate
 from rig.drives.screw.cycle import Cycle
@@ -26,6 +25,7 @@ from rig.sizing_document import Judgement, document, judge
 from rig.sizing_notes import notes
 from rig.sizing_published import Comparison
 from rig.toml_file import read_toml
+from rig.ui.cli.output import COLOUR, out, print_json, wide
 
 FAR = 10.0  # a margin beyond, of either sign, is only told to be
 WITHOUT_BOUND = {NOT_ASKED: "any", UNDECIDED: "not told"}
@@ -64,8 +64,8 @@ def size(
         sizing = sizing._replace(choice=other, published=sizing.published if other is sizing.choice else {})  # of the choice
     result = judge(sizing)
     if plot is not None:
-        from rig import picture_file  # matplotlib takes its time
-        from rig.sizing_figure import draw_region
+        from rig.ui.plots import picture_file  # matplotlib takes its time
+        from rig.ui.plots.screw_chart import draw_region
 
         picture_file.save(draw_region(sizing.axis, result.found, result.judged), plot)
     if as_json:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from rig.cli.output import out, plain_table, print_json, wide
+from rig.ui.cli.output import out, plain_table, print_json, wide
 
 if TYPE_CHECKING:
     from planners.pieces import FloatArray
@@ -54,7 +54,7 @@ def shaping(
     from rig.servo_studies.shaping import ShapingTask, pulse_residuals, robustness
 
     if plot is not None:
-        from rig import picture_file  # matplotlib takes its time
+        from rig.ui.plots import picture_file  # matplotlib takes its time
 
         picture_file.check(plot)
     task = ShapingTask(
@@ -69,7 +69,7 @@ def shaping(
     rows = robustness(task)
     pulses = {"unshaped": pulse_residuals(task)} | {row.name: pulse_residuals(task, row.shaper) for row in rows}
     if plot is not None:
-        from rig.servo_studies.shaping_figure import draw_shaping
+        from rig.ui.plots.servo_shaping import draw_shaping
 
         picture_file.save(draw_shaping(task, rows), plot)
     if as_json:

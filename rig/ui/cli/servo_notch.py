@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from rig.cli.output import plain_table, print_json, say, wide
 from rig.errors import ConfigError
+from rig.ui.cli.output import plain_table, print_json, say, wide
 
 if TYPE_CHECKING:
     from rig.drives.servo.two_mass import TwoMass
@@ -80,7 +80,7 @@ def notch(
     from rig.servo_studies.notch import NotchTask, compare, sampled
 
     if plot is not None:
-        from rig import picture_file
+        from rig.ui.plots import picture_file
 
         picture_file.check(plot)
     _check(
@@ -97,7 +97,7 @@ def notch(
     task = NotchTask(joint=about, gains=gains, denominator_damping=notch_damping)
     rows, wrong, digital = compare(task), _wrong(task, detune), sampled(task, sample_time)
     if plot is not None:
-        from rig.servo_studies.notch_figure import draw_notch
+        from rig.ui.plots.servo_notch import draw_notch
 
         picture_file.save(draw_notch(task), plot)
     if as_json:

@@ -12,8 +12,8 @@ import typer
 from rich.progress import Progress
 from rich.table import Table
 
-from rig.cli.output import PLAIN, err, out, print_json, wide
 from rig.errors import BAD_DATA, ConfigError
+from rig.ui.cli.output import PLAIN, err, out, print_json, wide
 
 if TYPE_CHECKING:
     from rig.drives.servo.loops import Facts
@@ -98,7 +98,7 @@ def compare(
     from rig.servo_studies.spec import load
 
     if plot is not None:
-        from rig import picture_file
+        from rig.ui.plots import picture_file
 
         picture_file.check(plot)
     spec = load(file, changes or ())
@@ -110,7 +110,7 @@ def compare(
     facts = designs(spec, drives)
     rows = _rows(spec, truths, drives, quiet=as_json)
     if plot is not None:
-        from rig.servo_studies.compare_figure import draw_comparison
+        from rig.ui.plots.servo_compare import draw_comparison
 
         picture_file.save(draw_comparison([row for row in rows if row.truth == truths[0]]), plot)
     verdict, reasons = _verdict(facts, rows)

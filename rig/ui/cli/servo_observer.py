@@ -11,8 +11,8 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from rig.cli.output import COLOUR, plain_table, print_json, say, wide
 from rig.errors import ConfigError
+from rig.ui.cli.output import COLOUR, plain_table, print_json, say, wide
 
 if TYPE_CHECKING:
     from rig.drives.servo.loops import Mode
@@ -66,7 +66,7 @@ def observer(
     from rig.servo_studies.observer import TIME_CONSTANTS_S, ObserverTask, study, turns, without
 
     if plot is not None:
-        from rig import picture_file
+        from rig.ui.plots import picture_file
 
         picture_file.check(plot)
     times = TIME_CONSTANTS_S if time_constants is None else _numbers(time_constants)
@@ -74,7 +74,7 @@ def observer(
     task = ObserverTask(joint=named_joint(joint), time_constants_s=times, nominal_inertia_kg_m2=nominal_inertia, order=order)
     rows, bare, turn = study(task), without(task), turns(task)
     if plot is not None:
-        from rig.servo_studies.observer_figure import draw_observer
+        from rig.ui.plots.servo_observer import draw_observer
 
         picture_file.save(draw_observer(task), plot)
     if as_json:

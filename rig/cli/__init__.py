@@ -1,1 +1,0 @@
-"""The command line: each verb parses, calls one function, prints."""
