@@ -25,6 +25,7 @@ from rig.runtime import bench
 from rig.runtime.execute import make_task
 from rig.runtime.interrupts import Interrupts
 from rig.runtime.virtual import VirtualRunner
+from rig.studies.vision.bench import pivot_px
 from vision.tracker import Tracker
 
 REPEATS = 7
@@ -116,7 +117,7 @@ def tracker() -> tuple[float, float]:
     assert len(frames) > FRAMES * 0.9
     assert max(np.abs(truths)) > 0.34
     height, width = frames[0].shape
-    eye, pivot = Tracker(width, height), bench.pivot_px(chosen)
+    eye, pivot = Tracker(width, height), pivot_px(chosen)
     following = [_timed(lambda f=f: eye.measure(f, pivot)) for f in frames]
 
     def cold(frame: Any) -> None:

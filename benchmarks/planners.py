@@ -24,7 +24,7 @@ from planners.catalog import BOUNDARY_VALUE, PLANNERS
 from planners.errors import PlanError
 from planners.models.model import Model
 from planners.problem import Problem
-from rig.compare.loads import PENDULUM, TWO_BARS
+from rig.studies.thesis_tables.loads import PENDULUM, TWO_BARS
 
 CASES: tuple[tuple[str, Model, str, tuple[str, ...], tuple[float, ...]], ...] = (
     ("2 dof", PENDULUM, "acceleration", (), (2.0, 1.5, 1.1, 0.75, 0.5)),

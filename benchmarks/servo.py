@@ -19,9 +19,9 @@ from scipy.integrate import solve_ivp
 
 from comms.clock import stopwatch_s
 from rig.drives.servo.setpoint import Controller, Setpoint
-from rig.runtime import bench
-from rig.servo_studies.controllers import CONTROLLERS, lqg
-from rig.servo_studies.spec import ServoSpec, load
+from rig.studies.servo import bench
+from rig.studies.servo.controllers import CONTROLLERS, lqg
+from rig.studies.servo.spec import ServoSpec, load
 
 STEPS = 2000
 AHEAD = [Setpoint(0.1 * k, 100.0, 10.0) for k in range(STEPS)]

@@ -24,13 +24,13 @@ from planners.catalog import PLANNERS
 from planners.errors import PlanError
 from planners.models.model import StateSpace
 from planners.problem import Problem
-from rig.compare.exact import exact_metrics
-from rig.compare.nodes import shaped_nodes, shooting_nodes
-from rig.compare.ode45 import ode45
-from rig.compare.published import TABLES, rows
-from rig.compare.source_metrics import SAMPLE_S, InputNodes, measure, respond
-from rig.compare.table import PENDULUM, TWO_BARS, compare, planning_time, problem_of
 from rig.errors import ConfigError
+from rig.studies.thesis_tables.exact import exact_metrics
+from rig.studies.thesis_tables.nodes import shaped_nodes, shooting_nodes
+from rig.studies.thesis_tables.ode45 import ode45
+from rig.studies.thesis_tables.published import TABLES, rows
+from rig.studies.thesis_tables.source_metrics import SAMPLE_S, InputNodes, measure, respond
+from rig.studies.thesis_tables.table import PENDULUM, TWO_BARS, compare, planning_time, problem_of
 from rig.ui.cli.compare import compare as verb
 
 G, TAU = 9.81, 1 / (20 * math.pi)
@@ -464,7 +464,7 @@ def into_a_file(monkeypatch):
 
 @pytest.fixture
 def untimed(monkeypatch):
-    monkeypatch.setattr("rig.compare.table.planning_time", lambda timer: None)
+    monkeypatch.setattr("rig.studies.thesis_tables.table.planning_time", lambda timer: None)
 
 
 def test_the_verb_prints_each_row_thrice_and_says_why_it_differs(capsys):
@@ -511,7 +511,7 @@ def test_the_techniques_are_told_in_our_words_and_the_dashes_are_counted(capsys,
 
 
 def test_a_file_in_no_folder_is_refused_before_any_work(tmp_path, monkeypatch):
-    monkeypatch.setattr("rig.compare.table.compare", lambda *_: pytest.fail("worked first"))
+    monkeypatch.setattr("rig.studies.thesis_tables.table.compare", lambda *_: pytest.fail("worked first"))
     with pytest.raises(ConfigError, match=r"--csv .*nowhere"):
         verb("3.2", csv_file=tmp_path / "nowhere" / "table.csv")
 
@@ -539,7 +539,7 @@ def test_the_verb_writes_a_line_for_each_figure(tmp_path, capsys):
 
 
 def test_the_verb_ends_badly_when_a_row_is_not_what_it_should_be(monkeypatch, capsys):
-    monkeypatch.setattr("rig.compare.table.INTERVALS", 100)
+    monkeypatch.setattr("rig.studies.thesis_tables.table.INTERVALS", 100)
     assert verb("3.8") == 6
     assert "differs, not nothing" in capsys.readouterr().out
 
@@ -557,7 +557,9 @@ def test_an_unknown_choice_names_the_nearest(capsys):
 @pytest.fixture
 def curves(monkeypatch):
     drawn = []
-    monkeypatch.setattr("rig.compare.curves.sensitivity_document", lambda: {"curve": {"residual_rad": [0.0, math.nan]}})
+    monkeypatch.setattr(
+        "rig.studies.thesis_tables.curves.sensitivity_document", lambda: {"curve": {"residual_rad": [0.0, math.nan]}}
+    )
     monkeypatch.setattr("rig.ui.plots.sensitivity.draw", lambda document, path: drawn.append((len(document), path)))
     return drawn
 

@@ -18,7 +18,7 @@ from scipy.integrate import simpson, solve_ivp
 from scipy.linalg import expm
 
 from rig.errors import ConfigError
-from rig.runtime import bench
+from rig.studies.servo import bench
 from sim_rig.crossing import first_below, value
 from sim_rig.elastic_joint import ElasticJoint, JointTruth
 from sim_rig.joint_params import Joint, Pulse

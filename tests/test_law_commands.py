@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline, make_interp_spline
 
 from planners.laws import LAWS
 from planners.laws.double_s import double_s_within
-from rig.ui.cli.laws import PUBLISHED
+from rig.studies.published_laws import PUBLISHED
 
 DATA = Path(__file__).parent / "data"
 COEFFICIENTS = tomllib.loads((DATA / "laws.toml").read_text())["coefficients"]

@@ -26,7 +26,7 @@ from rig.drives.screw.supports import SUPPORTS
 from rig.drives.screw.transmission import Transmission
 from rig.drives.screw.verdict import NOT_ASKED, UNDECIDED, Check
 from rig.drives.screw.wishes import Shares, Wishes
-from rig.sizing import example_tables, sizing_of
+from rig.studies.sizing.axis_file import example_tables, sizing_of
 
 SIZING = sizing_of(example_tables("appendix"))
 AXIS, UNIT = replace(SIZING.axis, motor=None), SIZING.choice

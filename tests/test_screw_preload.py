@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 from rig.drives.screw.checks import assess
 from rig.drives.screw.preload import ball_load_n, drag_torque_n_m
 from rig.drives.screw.table import table
-from rig.sizing import example_tables, sizing_of
+from rig.studies.sizing.axis_file import example_tables, sizing_of
 
 SIZING = sizing_of(example_tables("appendix"))
 AXIS, UNIT = SIZING.axis, SIZING.choice

@@ -25,7 +25,7 @@ from rig.drives.screw.shaft import Mounting
 from rig.drives.screw.supports import SUPPORTS
 from rig.drives.screw.transmission import Transmission
 from rig.drives.screw.wishes import Wishes
-from rig.sizing import example_tables, sizing_of
+from rig.studies.sizing.axis_file import example_tables, sizing_of
 
 THERE = Move(stroke_m=0.5, time_s=0.5, law="quintic", rest_s=0.2)
 AXIS = Axis(

@@ -27,8 +27,8 @@ from planners.sensitivity import residual_amplitudes, residual_curve, residual_p
 from planners.shapers import Shaper
 from planners.shaping import shape
 from planners.trajectory import Trajectory
-from rig.compare import curves
 from rig.errors import RigError
+from rig.studies.thesis_tables import curves
 from rig.ui.plots import sensitivity
 
 METRE = PendulumModel(length_m=1.0)

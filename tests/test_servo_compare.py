@@ -21,11 +21,11 @@ from rig.drives.servo.loops import swinging
 from rig.drives.servo.setpoint import Setpoint
 from rig.drives.servo.state_feedback import lq
 from rig.errors import ConfigError
-from rig.servo_studies import bench_run
-from rig.servo_studies.compare import Row, built, designs
-from rig.servo_studies.compare import compare as runs
-from rig.servo_studies.controllers import CONTROLLERS
-from rig.servo_studies.spec import load
+from rig.studies.servo import move_on_bench
+from rig.studies.servo.compare import Row, built, designs
+from rig.studies.servo.compare import compare as runs
+from rig.studies.servo.controllers import CONTROLLERS
+from rig.studies.servo.spec import load
 
 EXPERIMENTS = tomllib.loads((Path(__file__).parent / "data" / "servo_compare.toml").read_text())["experiment"]
 TRUTHS = ("listed", "ripple", "friction", "fitted", "together")
@@ -173,7 +173,7 @@ def test_equal_seeds_make_equal_readings_and_other_seeds_others():
 
 
 def test_a_figure_is_what_its_definition_says():
-    recording = bench_run.Recording(
+    recording = move_on_bench.Recording(
         np.array([-0.25, 0.0, 0.25, 0.5, 0.75]),
         0.5,
         reference_rad=np.array([0.0, 0.0, 0.5, 1.0, 1.0]),
@@ -184,8 +184,8 @@ def test_a_figure_is_what_its_definition_says():
         torque_n_m=np.array([1.0, 3.0, 4.0, -5.0, 0.0]),
         integration_error_rad=0.0,
     )
-    found = bench_run.outcome(recording)
-    assert found == bench_run.Outcome(
+    found = move_on_bench.outcome(recording)
+    assert found == move_on_bench.Outcome(
         residual=0.25,
         residual_measured=0.2,
         settled_s=0.25,
@@ -198,8 +198,8 @@ def test_a_figure_is_what_its_definition_says():
         rest_torque_n_m=0.0,
         at_limit_s=0.0,
     )
-    assert bench_run.outcome(recording, torque_limit_n_m=4.0).at_limit_s == pytest.approx(0.5)
-    late = bench_run.outcome(recording, late_s=0.25)
+    assert move_on_bench.outcome(recording, torque_limit_n_m=4.0).at_limit_s == pytest.approx(0.5)
+    late = move_on_bench.outcome(recording, late_s=0.25)
     assert late.residual == pytest.approx(0.005)
     assert late.rms_torque_n_m == pytest.approx(math.sqrt(50.0 / 3.0))
 
@@ -243,8 +243,8 @@ def test_what_of_the_residual_is_owed_to_torque_fed_ahead_is_shown(rows, truth):
 def test_a_shaped_move_is_judged_from_the_shaper_s_end_on(rows):
     row = rows["listed", 1, "pid_shaped"]
     assert 0.02 < row.late_s < 0.03
-    whole = bench_run.outcome(row.recording)
-    assert row.outcome == bench_run.outcome(row.recording, row.late_s, SPEC.drive.torque_limit_n_m)
+    whole = move_on_bench.outcome(row.recording)
+    assert row.outcome == move_on_bench.outcome(row.recording, row.late_s, SPEC.drive.torque_limit_n_m)
     assert row.outcome.rms_torque_n_m < whole.rms_torque_n_m  # of a longer move
     assert row.outcome.settled_s == pytest.approx(whole.settled_s)  # counted from the end that was asked for
 
@@ -288,7 +288,7 @@ def test_a_move_or_a_table_that_cannot_be_is_named(change, said):
 
 @pytest.mark.parametrize("key", ["motor_inertia_kg_m2", "load_inertia_kg_m2", "stiffness_n_m_rad", "gear_ratio"])
 def test_a_bench_is_not_completed_from_another_rig(tmp_path, key):
-    head, bench = (Path(bench_run.__file__).parent / "source_001.toml").read_text().split("\n[bench]")
+    head, bench = (Path(move_on_bench.__file__).parent / "source_001.toml").read_text().split("\n[bench]")
     (tmp_path / "own.toml").write_text(head + "\n[bench]" + bench.replace(f"\n{key} =", f"\n# {key} =", 1))
     with pytest.raises(ConfigError, match=rf"\[bench\] {key}: missing; add it"):
         compare(load(tmp_path / "own.toml"), ["listed"], ["pid"])

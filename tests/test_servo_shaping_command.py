@@ -13,7 +13,7 @@ from scipy.signal import lsim
 from planners.shapers import zv
 from rig.drives.servo.loops import Mode
 from rig.drives.servo.shaped_setpoint import rate_1_s
-from rig.servo_studies.shaping import impulse_response, pulse
+from rig.studies.servo.shaping import impulse_response, pulse
 
 DATA = tomllib.loads((Path(__file__).parent / "data" / "servo_shaping.toml").read_text())
 PULSE = DATA["pulse"]

@@ -21,8 +21,8 @@ from rig.drives.screw.shaft import Mounting
 from rig.drives.screw.supports import SUPPORTS
 from rig.drives.screw.transmission import Transmission
 from rig.drives.screw.wishes import Shares, Wishes
-from rig.sizing import example_tables, sizing_of
-from rig.sizing_published import Comparison
+from rig.studies.sizing.axis_file import example_tables, sizing_of
+from rig.studies.sizing.published import Comparison
 from rig.toml_file import read_toml
 
 SPEC = """
@@ -230,7 +230,7 @@ def test_every_key_of_an_entry_reaches_the_candidate(spec):
 
 
 def test_only_the_source_s_units_have_load_ratings_and_every_entry_an_origin():
-    entries = tomllib.loads((resources.files("rig") / "screws" / "catalogue.toml").read_text())["catalogue"]
+    entries = tomllib.loads((resources.files("rig.studies.sizing") / "screws" / "catalogue.toml").read_text())["catalogue"]
     assert len({row["name"] for row in entries}) == len(entries)
     for row in entries:
         assert "source 004" in row["origin"] or "confirm with the maker" in row["origin"]
@@ -399,7 +399,7 @@ def test_without_a_choice_the_verdict_says_which_screw_is_meant_and_what_is_not_
 
 
 def test_a_copy_of_the_worked_axis_is_one_s_own(rig, told, spec):
-    text = (resources.files("rig") / "screws" / "appendix.toml").read_text()
+    text = (resources.files("rig.studies.sizing") / "screws" / "appendix.toml").read_text()
     shipped, copied = told("--example", "appendix", code=3), told(spec(text), code=3)
     assert len(shipped["published"]) == 96
     assert copied == {**shipped, "published": []}

@@ -19,10 +19,10 @@ from rich.text import Text
 
 from comms.clock import stopwatch_s
 from planners.errors import unknown_name
-from rig.compare import table as tables
-from rig.compare.published import METHODS, TABLES
-from rig.compare.table import Comparison, tolerance
 from rig.errors import BAD_DATA, ConfigError
+from rig.studies.thesis_tables import table as tables
+from rig.studies.thesis_tables.published import METHODS, TABLES
+from rig.studies.thesis_tables.table import Comparison, tolerance
 from rig.ui.cli.output import out, print_json, working
 from rig.ui.plots.picture_file import check_folder
 
@@ -96,7 +96,7 @@ def _tables(text: str) -> tuple[str, ...]:
 def _sensitivity(plot: Path | None, csv_file: Path | None, as_json: bool) -> int:
     if csv_file is not None:
         raise ConfigError(f"--csv {csv_file} with sensitivity; must be with a table: take --json")
-    from rig.compare.curves import sensitivity_document
+    from rig.studies.thesis_tables.curves import sensitivity_document
     from rig.ui.plots import picture_file  # matplotlib takes its time, and no table needs it
     from rig.ui.plots.sensitivity import draw
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 import typer
 from rich.table import Table
@@ -18,12 +18,11 @@ from planners.models.pendulum import PendulumModel
 from planners.swing_free import swing_free_cycles
 from rig.config import LimitsSection, ModelSection
 from rig.errors import ConfigError
-from rig.law_moves import WORDS, LawMove, law_move, period_s
+from rig.studies.laws_under_limits import WORDS, LawMove, law_move, period_s
+from rig.studies.published_laws import FIGURES, PUBLISHED, wrong_figures
 from rig.ui.cli.output import PLAIN, out, print_json, wide, working
 
-FIGURES = ("cv", "ca", "cv_rms", "ca_rms")
 HEADERS = ("Cv", "Ca", "Cv rms", "Ca rms")
-LAST_DIGIT = 0.50001e-4  # rounding to the four printed digits
 CYCLES = 6.0  # load periods up to which the catalogue tells swing-free durations
 SHOWN = 3  # of them
 MOVES_COLUMNS = (
@@ -51,29 +50,6 @@ MOVES_LEGEND = (
 
 app = typer.Typer(invoke_without_command=True)
 Json = Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")]
-
-
-class Published(NamedTuple):
-    """Figures of a law as source 000 prints them, in the order of FIGURES, and why some are wrong."""
-
-    figures: tuple[float, float, float, float]
-    reason: str = ""
-
-
-# source 000, table of coefficients
-PUBLISHED = {
-    "triangular": Published((2.0, 4.0, 1.1547, 4.0)),
-    "harmonic": Published((1.5708, 4.9348, 1.1107, 3.4544), "below 2√3, the least of all moves: sampled, ends set to 0"),
-    "cycloidal": Published((2.0, 6.2832, 1.2247, 4.4428), "cut off, not rounded"),
-    "cubic": Published((1.5, 6.0, 1.0954, 3.4131), "below 2√3, the least of all moves and its own: sampled"),
-    "quintic": Published((1.875, 5.7733, 1.1952, 4.1402), "sampled beside the peak"),
-    "septic": Published((2.1875, 7.5107, 1.2774, 5.0452), "sampled beside the peak"),
-    "modified_trapezoidal": Published((2.0, 4.8881, 1.2245, 4.3163), "2 % off; Ca rms / Ca must be √3/2"),
-    "modified_sine": Published((1.7593, 5.5279, 1.1689, 3.9667), "Ca rms / Ca must be 1/√2; others in the last digits"),
-    "gutman_1_3": Published((2.0, 5.1296, 1.2006, 4.2475), "sampled beside the peak"),
-    "freudenstein_1_3": Published((2.0, 5.3856, 1.2106, 4.3104), "in the last digits"),
-    "freudenstein_1_3_5": Published((2.0, 5.0603, 1.2028, 4.2516), "in the last digits; the exact factor is 1125/1192"),
-}
 
 
 @app.callback(invoke_without_command=True)
@@ -171,17 +147,9 @@ def _row(row: Coefficients, published: bool) -> dict[str, Any]:
     if published:
         source = PUBLISHED.get(row.name)
         plain["published"] = dict(zip(FIGURES, source.figures, strict=True)) if source else None
-        plain["wrong"] = _wrong(row)
+        plain["wrong"] = wrong_figures(row)
         plain["reason"] = source.reason if source else ""
     return plain
-
-
-def _wrong(row: Coefficients) -> list[str]:
-    """Names of the published figures that are more than their last digit off."""
-    source = PUBLISHED.get(row.name)
-    if source is None:
-        return []
-    return [key for key, figure in zip(FIGURES, source.figures, strict=True) if abs(figure - getattr(row, key)) > LAST_DIGIT]
 
 
 def _print_catalogue(rows: list[Coefficients]) -> None:
@@ -202,7 +170,7 @@ def _print_published(rows: list[Coefficients]) -> None:
     for header in ("law", "", *HEADERS, ""):
         view.add_column(header, justify="right" if header in HEADERS else "left", no_wrap=True)
     for row in rows:
-        source, wrong = PUBLISHED.get(row.name), _wrong(row)
+        source, wrong = PUBLISHED.get(row.name), wrong_figures(row)
         if source is None:
             continue
         printed = (

@@ -13,13 +13,14 @@ from rich.progress import Progress
 from rich.table import Table
 
 from rig.errors import BAD_DATA, ConfigError
+from rig.studies.servo.compare import UNPUBLISHED_NOTE
 from rig.ui.cli.output import PLAIN, err, out, print_json, wide
 
 if TYPE_CHECKING:
     from rig.drives.servo.loops import Facts
-    from rig.servo_studies.compare import Row
-    from rig.servo_studies.controllers import Drive
-    from rig.servo_studies.spec import ServoSpec
+    from rig.studies.servo.compare import Row
+    from rig.studies.servo.controllers import Drive
+    from rig.studies.servo.spec import ServoSpec
 
 SHOWN = "pid,pid_ff,lqg"
 SHARE = "of the first"  # controller, by its name
@@ -48,11 +49,6 @@ DESIGN_LEGEND = (
     "Zeros: of the motor's angle, least damped: there the load swings while the motor stands, and no gain moves it. Gain",
     "margins: to what share the gain may fall, and grow. Sensitivity: largest |1 / (1 + L)|. Eigenvectors: condition of their",
     "matrix, 1 is best.",
-)
-LOST = (
-    "Source 001 publishes the joint's constants and the moves; its gains are not published and its traces are lost: the gains",
-    "here are ours, so it is the ranking that is comparable. Its PID feeds the speed ahead, as pid does; lqg feeds the torque",
-    "ahead as well. pid_ff does that, too, and shows what of the residual is owed to it.",
 )
 OURS = ("model.", "move.", "bench.")  # keys of the file that make it another rig than the source's
 DESIGNS: tuple[tuple[str, str], ...] = (
@@ -93,9 +89,9 @@ def compare(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")] = False,
 ) -> int:
     """Compare controllers of an elastic joint on the simulated bench: vibration that is left, error, torque."""
-    from rig.servo_studies.compare import built, designs  # scipy takes its time
-    from rig.servo_studies.controllers import CONTROLLERS
-    from rig.servo_studies.spec import load
+    from rig.studies.servo.compare import built, designs  # scipy takes its time
+    from rig.studies.servo.controllers import CONTROLLERS
+    from rig.studies.servo.spec import load
 
     if plot is not None:
         from rig.ui.plots import picture_file
@@ -114,7 +110,7 @@ def compare(
 
         picture_file.save(draw_comparison([row for row in rows if row.truth == truths[0]]), plot)
     verdict, reasons = _verdict(facts, rows)
-    lost = LOST if file is None and not any(change.startswith(OURS) for change in changes or ()) else ()
+    lost = UNPUBLISHED_NOTE if file is None and not any(change.startswith(OURS) for change in changes or ()) else ()
     if as_json:
         print_json(_document(spec, facts, rows) | {"verdict": verdict, "reasons": reasons, "source_001": " ".join(lost)})
     else:
@@ -134,7 +130,7 @@ def _words(option: str, text: str) -> list[str]:
 
 
 def _rows(spec: ServoSpec, truths: Sequence[str], drives: Mapping[str, Drive], *, quiet: bool) -> list[Row]:
-    from rig.servo_studies.compare import compare as runs
+    from rig.studies.servo.compare import compare as runs
 
     total, coming, rows = len(truths) * len(spec.move) * len(drives), runs(spec, truths, drives), []
     with Progress(console=err, transient=True, disable=quiet or not err.is_terminal) as progress:

@@ -11,11 +11,12 @@ import typer
 from rich.table import Table
 
 from rig.errors import ConfigError
+from rig.studies.servo.notch import FITTED_NOTE, UNPUBLISHED_NOTE
 from rig.ui.cli.output import plain_table, print_json, say, wide
 
 if TYPE_CHECKING:
     from rig.drives.servo.two_mass import TwoMass
-    from rig.servo_studies.notch import NotchRow, NotchTask, Sampled
+    from rig.studies.servo.notch import NotchRow, NotchTask, Sampled
 
 EXAMPLE = {"antiresonance": 200.0, "inertia_ratio": 1.0, "damping": 0.1}  # source 001, its simulations
 RANGES = {
@@ -39,12 +40,6 @@ LEGEND = (
     "After a setpoint step of 1 rad: peak: of the load's speed; rings: its variation beyond up and down, over up and down; "
     "overshoot: of the load's angle, in % of the step; settled: when that angle stays within 2 % of the step."
 )
-LOST = (
-    "Source 001 gives the joint and the gains of its example, and where the notch lies; the numbers of its figures are lost. "
-    "Inferred, not published: that gains are in shares of ω_z and of the rigid inertia Jm + Jlr; the damping of the notch's "
-    "poles."
-)
-FITTED = "Fitted: the constants that have all five printed modes of source 001's rig; they are inferred, not published."
 
 
 def notch(
@@ -77,7 +72,7 @@ def notch(
 ) -> int:
     """Compare a notch filter inside the speed loop, upstream of it, and none: poles, margins, what the load does."""
     from rig.drives.servo.cascade import Cascade  # python-control takes its time
-    from rig.servo_studies.notch import NotchTask, compare, sampled
+    from rig.studies.servo.notch import NotchTask, compare, sampled
 
     if plot is not None:
         from rig.ui.plots import picture_file
@@ -117,7 +112,7 @@ def _check(**options: float) -> None:
 
 def _joint(name: str, own: dict[str, float | None]) -> TwoMass:
     """Raises ConfigError for options that do not go together, PlanError for an unknown joint."""
-    from rig.servo_studies.joints import named_joint
+    from rig.studies.servo.joints import named_joint
 
     given = {key: value for key, value in own.items() if value is not None}
     if name == "normalised":
@@ -144,7 +139,7 @@ def _normalised(values: dict[str, float]) -> TwoMass:
 
 def _wrong(task: NotchTask, detune: float) -> tuple[NotchRow, ...]:
     """Inside and upstream, too low and as much too high."""
-    from rig.servo_studies.notch import detuned
+    from rig.studies.servo.notch import detuned
 
     factors = sorted({detune, 1.0 / detune} - {1.0})
     return tuple(row for factor in factors for row in detuned(task, factor))
@@ -196,7 +191,7 @@ def _told(row: NotchRow) -> dict[str, Any]:
 
 
 def _inferred(joint: str) -> str:
-    return f"{LOST} {FITTED}" if joint == "fitted" else LOST
+    return f"{UNPUBLISHED_NOTE} {FITTED_NOTE}" if joint == "fitted" else UNPUBLISHED_NOTE
 
 
 def _print(

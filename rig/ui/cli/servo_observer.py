@@ -12,11 +12,12 @@ from rich.table import Table
 from rich.text import Text
 
 from rig.errors import ConfigError
+from rig.studies.servo.observer import INFERRED_NOTES
 from rig.ui.cli.output import COLOUR, plain_table, print_json, say, wide
 
 if TYPE_CHECKING:
     from rig.drives.servo.loops import Mode
-    from rig.servo_studies.observer import Interval, ObserverRow, ObserverTask, Rejection, Turns
+    from rig.studies.servo.observer import Interval, ObserverRow, ObserverTask, Rejection, Turns
 
 CORNER = "T_f\n[ms]"
 LIMIT = 1e6  # a filter this much faster or slower than the joint is told as the limit
@@ -34,10 +35,6 @@ TORQUE_LEGEND = (
     "frequencies. Peak: of the load's speed after a step of 1 N m on motor or load; rings: its variation beyond up and down, "
     "over up and down, within 12 periods of ω_z. Speeds are at the motor's side of the gear."
 )
-INFERRED = {
-    "fitted": "Fitted: the constants that have all five printed modes of source 001's rig; they are inferred, not published.",
-    "listed": "Source 001 lists the joint's constants; the time constants are ours, as the numbers of its simulation are lost.",
-}
 
 
 def observer(
@@ -62,8 +59,8 @@ def observer(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")] = False,
 ) -> int:
     """Show what a torque disturbance observer does to an elastic joint: damping, rejection, responses, over T_f."""
-    from rig.servo_studies.joints import named_joint  # python-control takes its time
-    from rig.servo_studies.observer import TIME_CONSTANTS_S, ObserverTask, study, turns, without
+    from rig.studies.servo.joints import named_joint  # python-control takes its time
+    from rig.studies.servo.observer import TIME_CONSTANTS_S, ObserverTask, study, turns, without
 
     if plot is not None:
         from rig.ui.plots import picture_file
@@ -130,7 +127,7 @@ def _document(joint: str, task: ObserverTask, rows: Sequence[ObserverRow], bare:
             for row in rows
         ],
         "verdict": [*_verdict(task, rows, turn), *_cautions(turn)],
-        "inferred": INFERRED.get(joint),
+        "inferred": INFERRED_NOTES.get(joint),
     }
 
 
@@ -147,8 +144,8 @@ def _print(joint: str, task: ObserverTask, rows: Sequence[ObserverRow], bare: Re
         say(line)
     for line in _cautions(turn):
         say(line, COLOUR["bad" if "unstable" in line else "doubtful"])
-    if joint in INFERRED:
-        say(INFERRED[joint], "dim")
+    if joint in INFERRED_NOTES:
+        say(INFERRED_NOTES[joint], "dim")
 
 
 def _pair_table(joint: str, task: ObserverTask, rows: Sequence[ObserverRow], bare: Rejection) -> Table:

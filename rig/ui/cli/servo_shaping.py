@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
+from rig.studies.servo.shaping import UNPUBLISHED_NOTE
 from rig.ui.cli.output import out, plain_table, print_json, wide
 
 if TYPE_CHECKING:
     from planners.pieces import FloatArray
     from planners.shapers import Shaper
-    from rig.servo_studies.shaping import Robustness, ShapingTask
+    from rig.studies.servo.shaping import Robustness, ShapingTask
 
 LEGEND = (
     "same instant: shaped over unshaped swing once all impulses are over; at the start: over the swing of one impulse at 0",
@@ -25,10 +26,6 @@ LEGEND = (
 PULSE_LEGEND = (
     "Two masses of 1 kg m² in all, 1 N m: largest distance of the load's speed from its final value once the torque is over,",
     "in % of the final value; exact, whatever the ratio of the masses. Frequency and damping are those of the joint's poles.",
-)
-LOST = (
-    "Source 001 gives frequency 1 rad/s, damping 0.05 and errors of 10 % and 20 %; the numbers of its figures are lost.",
-    "Inferred, not published: the errors as four corners, the pulse of 10 s, the total inertia.",
 )
 
 
@@ -51,7 +48,7 @@ def shaping(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")] = False,
 ) -> int:
     """Compare input shapers on a joint that swings otherwise than assumed: impulses, residuals, a torque pulse."""
-    from rig.servo_studies.shaping import ShapingTask, pulse_residuals, robustness
+    from rig.studies.servo.shaping import ShapingTask, pulse_residuals, robustness
 
     if plot is not None:
         from rig.ui.plots import picture_file  # matplotlib takes its time
@@ -94,7 +91,7 @@ def _document(task: ShapingTask, rows: Sequence[Robustness], pulses: dict[str, F
             },
         },
         "sample_time_s": task.period_s,
-        "inferred": " ".join(LOST),
+        "inferred": " ".join(UNPUBLISHED_NOTE),
     }
 
 
@@ -119,7 +116,7 @@ def _print(task: ShapingTask, rows: Sequence[Robustness], pulses: dict[str, Floa
     wide.print(_residual_table(task, rows))
     out.print("\n".join(LEGEND), style="dim")
     wide.print(_pulse_table(task, pulses))
-    out.print("\n".join((*PULSE_LEGEND, *LOST)), style="dim")
+    out.print("\n".join((*PULSE_LEGEND, *UNPUBLISHED_NOTE)), style="dim")
 
 
 def _impulse_table(task: ShapingTask, rows: Sequence[Robustness]) -> Table:

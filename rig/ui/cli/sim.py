@@ -10,9 +10,9 @@ import typer
 from rich.progress import Progress
 
 from rig import config
-from rig.runtime import bench
+from rig.studies.vision import bench
+from rig.studies.vision.synthetic_video import CODECS, write_video
 from rig.ui.cli.output import err, out, print_json
-from rig.video import CODECS, write_video
 
 
 def sim(

@@ -16,7 +16,7 @@ from planners.splines.limits import OF_ORDER, AxisLimits
 from planners.swing_free import swing_free_cycles
 from planners.trajectory import JUMP, Trajectory
 from rig.drives.motor import Motor, Verdict, operating_points, torque
-from rig.motors import MotorTask
+from rig.studies.sizing.motor_task import MotorTask
 
 TITLES = ("position / h", "speed × T/h", "acceleration × T²/h", "jerk × T³/h")
 SPECTRUM = "acceleration spectrum × T/h"

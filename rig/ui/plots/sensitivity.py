@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from rig.compare.curves import FAMILIES, LOADS, Series
+from rig.studies.thesis_tables.curves import FAMILIES, LOADS, Series
 from rig.ui.plots import picture_file
 
 PANEL_WIDE, PANEL_TALL = 3.2, 2.1  # inches

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rig.servo_studies.compare import Row
+from rig.studies.servo.compare import Row
 from rig.ui.plots.servo_shaping import BARE, COLOURS, GREY
 
 BEFORE_S = 0.03  # shown before a move, and before its end in the close look

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from rig.drives.servo.disturbance_design import Nominal, Place
 from rig.drives.servo.loops import swinging
-from rig.servo_studies.observer import ObserverTask, Turns, course, damping, printed_poles_1_s, turns
+from rig.studies.servo.observer import ObserverTask, Turns, course, damping, printed_poles_1_s, turns
 
 BARE, FAST, BEST, ELASTIC, GREY = "#212121", "#c62828", "#2e7d32", "#1565c0", "#757575"
 EXCITED, UNSTABLE = "#ffcdd2", "#e57373"

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from planners.shapers import Shaper
-from rig.servo_studies.shaping import UNSHAPED, Pulse, Robustness, ShapingTask, impulse_response, pulse
+from rig.studies.servo.shaping import UNSHAPED, Pulse, Robustness, ShapingTask, impulse_response, pulse
 
 COLOURS = ("#1565c0", "#2e7d32", "#ef6c00", "#6a1b9a", "#00838f", "#5d4037", "#d81b60", "#9e9d24", "#455a64")
 INK, GREY, BARE = "#212121", "#757575", "#c62828"

@@ -127,7 +127,7 @@ def example_tables(name: str) -> dict[str, Any]:
     """The tables of a shipped example. Raises PlanError for a name not in EXAMPLES."""
     if name not in EXAMPLES:
         raise unknown_name("--example", name, EXAMPLES)
-    return tomllib.loads((resources.files("rig") / "motors" / f"example_{name}.toml").read_text())
+    return tomllib.loads((resources.files("rig.studies.sizing") / "motors" / f"example_{name}.toml").read_text())
 
 
 def task_of(tables: dict[str, Any]) -> MotorTask:

@@ -93,7 +93,7 @@ def rows(table: str) -> tuple[Row, ...]:
 
 @lru_cache(maxsize=1)
 def _tables() -> dict[str, tuple[Row, ...]]:
-    text = resources.files("rig.compare").joinpath("published.toml").read_bytes()
+    text = resources.files("rig.studies.thesis_tables").joinpath("published.toml").read_bytes()
     file = msgspec.toml.decode(text, type=_File)
     return {
         section.table: tuple(

@@ -27,6 +27,10 @@ GRID = 800  # time constants tried between those limits
 LEAVES = 1e-3  # of its damping: a change that is none
 Effect = Literal["excites", "leaves", "damps", "unstable"]
 Interval = tuple[float, float]  # of time constants [s], from 0 or to inf at the limits
+INFERRED_NOTES = {
+    "fitted": "Fitted: the constants that have all five printed modes of source 001's rig; they are inferred, not published.",
+    "listed": "Source 001 lists the joint's constants; the time constants are ours, as the numbers of its simulation are lost.",
+}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,7 +22,7 @@ from rig.drives.servo.setpoint import Controller, Setpoint
 from rig.drives.servo.shaped_setpoint import ShapedSetpoint, design
 from rig.drives.servo.state_feedback import Feedback, assign, lq
 from rig.drives.servo.wiring import Loop
-from rig.servo_studies.spec import ServoSpec
+from rig.studies.servo.spec import ServoSpec
 
 SETTLED = 1e-3  # of a step: what a filter may still have to go when it counts as done
 

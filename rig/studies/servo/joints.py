@@ -8,7 +8,7 @@ import msgspec
 
 from planners.errors import unknown_name
 from rig.drives.servo.two_mass import TwoMass
-from rig.servo_studies.spec import load
+from rig.studies.servo.spec import load
 
 JOINTS = ("listed", "fitted")  # the second is inferred: the printed modes do not follow from the listed constants
 

@@ -24,7 +24,7 @@ from rig.drives.screw.supports import SUPPORTS
 from rig.drives.screw.transmission import Transmission
 from rig.drives.screw.wishes import Shares, Wishes
 from rig.errors import ConfigError
-from rig.motors import MotorSection
+from rig.studies.sizing.motor_task import MotorSection
 from rig.toml_file import Section, convert
 
 T = TypeVar("T")
@@ -257,4 +257,4 @@ def _catalogue(rows: list[dict[str, Any]]) -> dict[str, Candidate]:
 
 
 def _shipped(name: str) -> dict[str, Any]:
-    return tomllib.loads((resources.files("rig") / "screws" / f"{name}.toml").read_text())
+    return tomllib.loads((resources.files("rig.studies.sizing") / "screws" / f"{name}.toml").read_text())

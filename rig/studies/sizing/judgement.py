@@ -8,8 +8,8 @@ from rig.drives.screw.checks import AllowedSpeed, allowed_speed, assess
 from rig.drives.screw.cycle import Cycle
 from rig.drives.screw.table import Row, table
 from rig.drives.screw.verdict import Assessment, Check
-from rig.sizing import Sizing
-from rig.sizing_published import Comparison, axis_figures, cell_figures, compare, screw_figures
+from rig.studies.sizing.axis_file import Sizing
+from rig.studies.sizing.published import Comparison, axis_figures, cell_figures, compare, screw_figures
 
 
 class Judgement(NamedTuple):

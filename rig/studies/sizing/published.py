@@ -23,7 +23,7 @@ from rig.drives.screw.preload import PRELOAD_SHARES
 from rig.drives.screw.table import Row
 from rig.drives.screw.verdict import Assessment
 from rig.errors import ConfigError
-from rig.sizing import PublishedFigure
+from rig.studies.sizing.axis_file import PublishedFigure
 
 BANDWIDTH_SHARES = (0.5, 0.7)  # of the antiresonance (source 004, C.0.19)
 ROUNDING = 1e-9  # of the last printed digit

@@ -10,8 +10,8 @@ import numpy as np
 
 from planners.errors import PlanError
 from planners.models.pendulum import PendulumModel
-from rig.compare.ode45 import ode45
-from rig.compare.source_metrics import SAMPLE_S, InputNodes
+from rig.studies.thesis_tables.ode45 import ode45
+from rig.studies.thesis_tables.source_metrics import SAMPLE_S, InputNodes
 
 FINE = 20000  # intervals of a shaped law where the source does not say; its residuals then agree within 2 %
 CORRECTIONS = 4  # of a costate: the miss falls from 1e-3 m to 1e-11 m, three decades each

@@ -25,6 +25,10 @@ from rig.drives.servo.shaped_setpoint import MOST_DAMPING, ShaperFacts, design, 
 UNSHAPED = Shaper(np.ones(1), np.zeros(1))
 MOST_ERROR = 0.9  # of frequency; at 1 there would be no joint
 SMALLEST, LARGEST = 1e-6, 1e6  # frequencies in rad/s, pulses in s
+UNPUBLISHED_NOTE = (
+    "Source 001 gives frequency 1 rad/s, damping 0.05 and errors of 10 % and 20 %; the numbers of its figures are lost.",
+    "Inferred, not published: the errors as four corners, the pulse of 10 s, the total inertia.",
+)
 
 
 @dataclass(frozen=True, kw_only=True)

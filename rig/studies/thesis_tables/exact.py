@@ -9,7 +9,7 @@ from planners.models.model import Model
 from planners.pieces import FloatArray
 from planners.replay.swing import Swing
 from planners.trajectory import Trajectory
-from rig.compare.source_metrics import InputNodes, respond
+from rig.studies.thesis_tables.source_metrics import InputNodes, respond
 
 INTERVALS = 2000  # of a move, to read the angles' peaks from: leaves 1e-6 of them where the acceleration steps, else 1e-8
 INSTANT_S = 1e-9

@@ -13,7 +13,7 @@ from planners.models.model import Model
 from planners.problem import Problem
 from planners.sensitivity import residual_amplitudes
 from planners.trajectory import Trajectory
-from rig.compare.loads import PENDULUM, TWO_BARS
+from rig.studies.thesis_tables.loads import PENDULUM, TWO_BARS
 
 DISTANCE_M = 0.2
 POINTS = 49  # of a curve, the nominal value among them

@@ -23,6 +23,12 @@ WATCHED = 14.0  # time constants of the slowest pole
 POINTS = 10_001  # of a response: what peaks lose between samples is 1e-4 of them
 DETUNED = 0.1, 10.0
 UNDAMPED = 1e-9  # damping of a pair that is as good as none
+UNPUBLISHED_NOTE = (
+    "Source 001 gives the joint and the gains of its example, and where the notch lies; the numbers of its figures are lost. "
+    "Inferred, not published: that gains are in shares of ω_z and of the rigid inertia Jm + Jlr; the damping of the notch's "
+    "poles."
+)
+FITTED_NOTE = "Fitted: the constants that have all five printed modes of source 001's rig; they are inferred, not published."
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,11 +16,11 @@ from planners.models.model import Model, StateSpace
 from planners.pieces import FloatArray
 from planners.problem import Problem
 from planners.trajectory import Trajectory
-from rig.compare.exact import exact_metrics, states_along
-from rig.compare.loads import PENDULUM, TWO_BARS
-from rig.compare.nodes import FINE, shaped_nodes, shooting_nodes
-from rig.compare.published import Row, rows
-from rig.compare.source_metrics import SAMPLE_S, InputNodes, measure
+from rig.studies.thesis_tables.exact import exact_metrics, states_along
+from rig.studies.thesis_tables.loads import PENDULUM, TWO_BARS
+from rig.studies.thesis_tables.nodes import FINE, shaped_nodes, shooting_nodes
+from rig.studies.thesis_tables.published import Row, rows
+from rig.studies.thesis_tables.source_metrics import SAMPLE_S, InputNodes, measure
 
 DISTANCE_M = 0.2
 WINDOW = 2  # of the speed's RMS, in times of the move

@@ -121,7 +121,7 @@ class HelpersSection(Section, frozen=True, kw_only=True):
 
 
 class ServoSpec(Section, frozen=True, kw_only=True):
-    """A whole file. Truths are `[bench]` with what each says otherwise; only rig.runtime.bench reads them."""
+    """A whole file. Truths are `[bench]` with what each says otherwise; only rig.studies.servo.bench reads them."""
 
     move: Annotated[list[MoveSection], Meta(min_length=1, max_length=20)]
     model: ModelSection
@@ -179,4 +179,4 @@ def load(path: Path | None, overrides: Sequence[str] = ()) -> ServoSpec:
 
 
 def _shipped() -> dict[str, Any]:
-    return tomllib.loads((resources.files("rig") / "servo_studies" / f"{SHIPPED}.toml").read_text())
+    return tomllib.loads((resources.files("rig.studies.servo") / f"{SHIPPED}.toml").read_text())

@@ -1,1 +1,0 @@
-"""The published tables of source 004 beside our own figures, in its definitions and exactly."""

@@ -1,0 +1,18 @@
+"""Door to the simulated elastic joint: a `[bench]` section in, a plant out."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rig.errors import ConfigError
+from rig.toml_file import convert
+from sim_rig.elastic_joint import ElasticJoint
+from sim_rig.joint_params import Joint
+
+
+def elastic_joint(tables: dict[str, Any], seed: int, section: str = "bench") -> ElasticJoint:
+    """The world of a drive's study from that section; raises ConfigError naming section, key, value and bound."""
+    try:
+        return ElasticJoint(convert(tables, Joint, section), seed)
+    except ValueError as error:
+        raise ConfigError(str(error)) from None
