@@ -17,14 +17,14 @@ import numpy as np
 from comms.clock import stopwatch_s
 from comms.messages import Frame, Truth
 from comms.task import Step, Task
-from rig import config
-from rig.job import Job, plan_move, prepare
-from rig.operator import Operator
-from rig.recorder import Recorder
-from rig.runtime import bench
-from rig.runtime.execute import make_task
-from rig.runtime.interrupts import Interrupts
-from rig.runtime.virtual import VirtualRunner
+from rig.run import config
+from rig.run.job import Job, plan_move, prepare
+from rig.run.recorder import Recorder
+from rig.run.runtime import bench
+from rig.run.runtime.execute import make_task
+from rig.run.runtime.interrupts import Interrupts
+from rig.run.runtime.virtual import VirtualRunner
+from rig.run.tasks.operator import Operator
 from rig.studies.vision.bench import pivot_px
 from vision.tracker import Tracker
 

@@ -20,7 +20,7 @@ Velocity = tuple[MetresPerSecond, MetresPerSecond, MetresPerSecond]
 
 
 class Phase(enum.Enum):
-    """Where the controller stands; rig/controller/phase.py holds the one transition function."""
+    """Where the controller stands; rig/run/tasks/controller/phase.py holds the one transition function."""
 
     IDLE = "idle"
     ARMED = "armed"

@@ -1,1 +1,4 @@
-"""The operator's side: experiments, streamer, controller, runtime, analysis, report and the command line."""
+"""The operator's side in five rooms: ui > studies > run > drives and analysis; the upper import the lower.
+
+Nothing loose but errors.py.
+"""

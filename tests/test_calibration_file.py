@@ -10,11 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rig import calibration_file, config
-from rig.calibration_file import Calibration
-from rig.config import Experiment
 from rig.errors import ConfigError
-from rig.toml_file import convert
+from rig.run import config
+from rig.run.calibration import file as calibration_file
+from rig.run.calibration.file import Calibration
+from rig.run.config import Experiment
+from rig.run.toml_file import convert
 
 CALIBRATION = Calibration(
     made="2026-01-02T03:04:05+00:00",

@@ -6,7 +6,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from rig.runs import LOG
+from rig.run.runs import LOG
 
 BRIEF = ["--set", "experiment.quiet_s=0.6", "--set", "experiment.watch_s=2.5"]
 JSON_KEYS = {
@@ -19,7 +19,7 @@ QUANTITIES = {"peak_swing_rad", "residual_swing_rad", "natural_frequency_hz", "d
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
     """A short run in virtual time, made once."""
-    from rig import config, experiment
+    from rig.run import config, experiment
 
     changes = [word for word in BRIEF if word != "--set"]
     chosen = config.load("move", changes)
@@ -141,7 +141,8 @@ def test_analyze_says_of_a_log_what_the_run_said(rig, recorded):
 
 
 def test_the_shipped_calibration_is_what_the_command_makes(rig):
-    from rig import calibration_file, config
+    from rig.run import config
+    from rig.run.calibration import file as calibration_file
 
     code, said, _ = rig("calibrate", "offsets", "--virtual", "--json", "--out", "again.toml")
     made = msgspec.json.decode(said)["calibration"]

@@ -12,9 +12,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rig import config
-from rig.config import Experiment
 from rig.errors import USAGE, ConfigError
+from rig.run import config
+from rig.run.config import Experiment
 
 SMALLEST = '[experiment]\nname = "mine"\n'
 SECTIONS = "experiment, move, model, plan, limits, safety, camera, vision, links, network, record, bench"

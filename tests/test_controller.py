@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from comms.messages import Command, JointState, Message, Phase, Position, Reference, Reply, RobotState, Setpoint, Verb
 from comms.task import NOTHING, Step
-from rig.controller.task import Controller, ControllerSettings, build
+from rig.run.tasks.controller.task import Controller, ControllerSettings, build
 
 MS = 1_000_000
 TICK_NS = 5 * MS

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from comms.messages import Position
-from rig.controller.interpolator import TICK_NS, TICKS, WINDOW_NS, Interpolator
+from rig.run.tasks.controller.interpolator import TICK_NS, TICKS, WINDOW_NS, Interpolator
 
 MS = 1_000_000
 HOME = (0.0, 0.0, 0.0)

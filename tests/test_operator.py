@@ -6,7 +6,7 @@ import pytest
 
 from comms.messages import Command, Phase, Reply, RobotState, Verb
 from comms.task import NOTHING, Step
-from rig.operator import ANSWER_NS, CONNECT_NS, GRID_NS, LEAD_NS, MOVERS, RETRY_NS, Operator, Stage
+from rig.run.tasks.operator import ANSWER_NS, CONNECT_NS, GRID_NS, LEAD_NS, MOVERS, RETRY_NS, Operator, Stage
 
 MS = 1_000_000
 S = 1_000 * MS

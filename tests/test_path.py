@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 from comms.messages import AngleSample, Command, Frame, JointState, Phase, Reason, Reference, RobotState, Setpoint, Truth, Verb
-from rig import config, experiment
 from rig.analysis.analyze import Analysis
-from rig.config import Experiment
-from rig.controller.task import Controller, ControllerSettings
-from rig.job import plan_move, prepare
-from rig.recorder import Recorder
-from rig.runs import LOG
-from rig.runtime import bench
-from rig.streamer import Streamer
+from rig.run import config, experiment
+from rig.run.config import Experiment
+from rig.run.job import plan_move, prepare
+from rig.run.recorder import Recorder
+from rig.run.runs import LOG
+from rig.run.runtime import bench
+from rig.run.tasks.controller.task import Controller, ControllerSettings
+from rig.run.tasks.streamer import Streamer
 from vision.task import VisionTask
 
 MS = 1_000_000

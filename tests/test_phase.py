@@ -7,7 +7,7 @@ from itertools import product
 import pytest
 
 from comms.messages import Phase, Verb
-from rig.controller.phase import ORDERS, Happening, next_phase, refusal
+from rig.run.tasks.controller.phase import ORDERS, Happening, next_phase, refusal
 
 TABLE = """
             arm      start    stop     estop  reference_stale  robot_stale

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from comms.messages import Position
-from rig.safety import Envelope, Gate
+from rig.run.tasks.safety import Envelope, Gate
 
 MS = 1_000_000
 PERIOD_S = 0.01

@@ -21,9 +21,9 @@ from rig.drives.screw.shaft import Mounting
 from rig.drives.screw.supports import SUPPORTS
 from rig.drives.screw.transmission import Transmission
 from rig.drives.screw.wishes import Shares, Wishes
+from rig.run.toml_file import read_toml
 from rig.studies.sizing.axis_file import example_tables, sizing_of
 from rig.studies.sizing.published import Comparison
-from rig.toml_file import read_toml
 
 SPEC = """
 [axis]

@@ -11,8 +11,8 @@ import pytest
 
 from comms.messages import AngleSample, Command, Message, Phase, Position, Reason, Reference, Reply, RobotState, Verb
 from comms.task import NOTHING, Step
-from rig.safety import Envelope
-from rig.streamer import PERIOD_NS, Streamer, StreamerSettings, build
+from rig.run.tasks.safety import Envelope
+from rig.run.tasks.streamer import PERIOD_NS, Streamer, StreamerSettings, build
 
 MS = 1_000_000
 T_START_NS = 600 * MS

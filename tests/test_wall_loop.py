@@ -10,12 +10,12 @@ import msgspec
 import pytest
 
 from comms.udp import UdpReceiver, free_port
-from rig import config, experiment
 from rig.analysis.analyze import Analysis
 from rig.errors import Refused
-from rig.runs import LOG
-from rig.runtime import execute
-from rig.runtime.interrupts import Interrupts
+from rig.run import config, experiment
+from rig.run.runs import LOG
+from rig.run.runtime import execute
+from rig.run.runtime.interrupts import Interrupts
 
 pytestmark = pytest.mark.xdist_group("wall")  # one rig at a time: five processes each
 PATIENT = ["safety.robot_stale_ms=5000", "safety.reference_stale_ms=5000"]  # a busy machine is no fault of the rig's

@@ -7,13 +7,13 @@ import pytest
 
 from comms.messages import RobotState
 from planners.errors import PlanError
-from rig import config, experiment
 from rig.analysis.run_log import RunLog
 from rig.errors import ConfigError, Refused
-from rig.job import plan_move, prepare
-from rig.runs import LOG
-from rig.runtime import bench
-from rig.waypoints import read_waypoints
+from rig.run import config, experiment
+from rig.run.job import plan_move, prepare
+from rig.run.runs import LOG
+from rig.run.runtime import bench
+from rig.run.waypoints import read_waypoints
 
 PLAIN = "x_m,y_m,z_m\n0,0,0\n0.06,0.02,0.03\n0.12,0,0\n0.17,-0.02,0.02\n"
 BRIEF = ["experiment.quiet_s=0.6", "experiment.watch_s=2.5", "move.time_s=4"]

@@ -10,7 +10,7 @@ from typing import Any
 
 from rig.analysis.analyze import Analysis
 from rig.analysis.summary import QUANTITIES, Quantities, Summary
-from rig.runs import REPORT
+from rig.run.runs import REPORT
 from rig.ui.plots import run as run_plots
 
 STYLE = """

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from rig.errors import ConfigError
-from rig.toml_file import convert
+from rig.run.toml_file import convert
 from sim_rig.elastic_joint import ElasticJoint
 from sim_rig.joint_params import Joint
 

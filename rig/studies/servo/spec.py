@@ -16,7 +16,7 @@ from planners.laws.trapezoidal import trapezoidal_by_acceleration
 from planners.trajectory import Trajectory
 from rig.drives.servo.two_mass import TwoMass
 from rig.errors import ConfigError
-from rig.toml_file import Section, convert, nearest, override, read_toml
+from rig.run.toml_file import Section, convert, nearest, override, read_toml
 
 SHIPPED = "source_001"
 SHORTEST = 10  # samples of a move

@@ -24,8 +24,8 @@ from rig.drives.screw.supports import SUPPORTS
 from rig.drives.screw.transmission import Transmission
 from rig.drives.screw.wishes import Shares, Wishes
 from rig.errors import ConfigError
+from rig.run.toml_file import Section, convert
 from rig.studies.sizing.motor_task import MotorSection
-from rig.toml_file import Section, convert
 
 T = TypeVar("T")
 EXAMPLES = ("appendix",)  # the worked axis of source 004, appendix C; NAME_published.toml has what the source prints of it

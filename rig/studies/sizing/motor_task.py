@@ -14,7 +14,7 @@ from planners.laws.trapezoidal import trapezoidal_by_acceleration
 from planners.trajectory import Trajectory
 from rig.drives.motor import Drivetrain, Motor
 from rig.errors import ConfigError
-from rig.toml_file import Section, convert
+from rig.run.toml_file import Section, convert
 
 EXAMPLES = ("1", "2")  # the two worked tasks of source 000
 

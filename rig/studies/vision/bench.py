@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from rig.config import Experiment
 from rig.errors import ConfigError
-from rig.runtime.bench import params
+from rig.run.config import Experiment
+from rig.run.runtime.bench import params
 from sim_rig.camera import Pinhole
 
 TruthRow = tuple[int, float, float, Any]  # frame, t_s, angle_rad, BGR picture

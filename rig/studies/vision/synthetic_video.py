@@ -8,8 +8,8 @@ from pathlib import Path
 
 import cv2
 
-from rig.config import Experiment
 from rig.errors import ConfigError
+from rig.run.config import Experiment
 from rig.studies.vision import bench
 
 CODECS = {".avi": "FFV1", ".mkv": "FFV1", ".mp4": "mp4v"}  # FFV1 loses nothing

@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from rig import runs as folders
 from rig.analysis.analyze import Analysis
+from rig.run import runs as folders
 from rig.ui.cli.output import out, print_json, print_summary
 
 

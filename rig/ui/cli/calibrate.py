@@ -10,12 +10,13 @@ import typer
 from rich.progress import Progress
 from rich.table import Table
 
-from rig import calibrate as calibration_run
-from rig import calibration_file, config, experiment
 from rig.analysis.run_log import RunLog
 from rig.errors import Stopped
-from rig.operator import Operator
-from rig.runs import LOG
+from rig.run import config, experiment
+from rig.run.calibration import file as calibration_file
+from rig.run.calibration import tour as calibration_run
+from rig.run.runs import LOG
+from rig.run.tasks.operator import Operator
 from rig.ui.cli.output import err, out, print_json
 
 app = typer.Typer(no_args_is_help=True, help="Make the tables the tracker needs.")

@@ -9,9 +9,9 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from rig.config import NetworkSection
-from rig.doctor import examine
 from rig.errors import REFUSED
+from rig.run.config import NetworkSection
+from rig.run.doctor import examine
 from rig.ui.cli.output import err, out, print_json
 
 COLOUR = {"ok": "green", "warning": "yellow", "failed": "red"}

@@ -16,8 +16,8 @@ from planners.laws.catalogue import Coefficients, catalogue
 from planners.laws.rect_cascade import LIMITS
 from planners.models.pendulum import PendulumModel
 from planners.swing_free import swing_free_cycles
-from rig.config import LimitsSection, ModelSection
 from rig.errors import ConfigError
+from rig.run.config import LimitsSection, ModelSection
 from rig.studies.laws_under_limits import WORDS, LawMove, law_move, period_s
 from rig.studies.published_laws import FIGURES, PUBLISHED, wrong_figures
 from rig.ui.cli.output import PLAIN, out, print_json, wide, working

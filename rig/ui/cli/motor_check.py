@@ -12,8 +12,8 @@ from rich.table import Table
 from planners.laws import LAWS
 from rig.drives.motor import TOLERANCE, Verdict, check
 from rig.errors import REFUSED, ConfigError
+from rig.run.toml_file import read_toml
 from rig.studies.sizing.motor_task import EXAMPLES, MotorTask, example_tables, task_of
-from rig.toml_file import read_toml
 from rig.ui.cli.output import out, print_json, wide
 
 UNITS = {"torque": "N m", "thermal": "N m", "speed": "rad/s", "power": "W"}

@@ -17,9 +17,9 @@ from planners.laws import LAWS
 from planners.models.chain import ChainModel
 from planners.models.model import INPUTS, LAG_S, cart_of
 from planners.problem import Limits, Plan, Problem
-from rig.config import LimitsSection, ModelSection
 from rig.errors import REFUSED, ConfigError
-from rig.load_model import model_of
+from rig.run.config import LimitsSection, ModelSection
+from rig.run.load_model import model_of
 from rig.ui.cli.output import out, print_json
 from rig.ui.plots import picture_file
 

@@ -12,13 +12,13 @@ from rich.table import Table
 from comms.clock import stopwatch_s
 from comms.link import LinkFaults
 from planners.problem import Plan
-from rig import config, experiment
 from rig.analysis.analyze import Analysis
 from rig.analysis.summary import Summary
 from rig.errors import STOPPED, ConfigError, Stopped
-from rig.job import Job, plan_move
-from rig.operator import Operator
-from rig.runs import LOG
+from rig.run import config, experiment
+from rig.run.job import Job, plan_move
+from rig.run.runs import LOG
+from rig.run.tasks.operator import Operator
 from rig.ui.cli.output import err, out, print_json, print_summary
 
 RUNS = Path("runs")

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from rich.progress import Progress
 
-from rig import config
+from rig.run import config
 from rig.studies.vision import bench
 from rig.studies.vision.synthetic_video import CODECS, write_video
 from rig.ui.cli.output import err, out, print_json

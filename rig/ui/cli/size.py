@@ -20,11 +20,11 @@ from rig.drives.screw.limits import absolute_least_lead
 from rig.drives.screw.table import Row
 from rig.drives.screw.verdict import BROKEN, NOT_ASKED, UNDECIDED, Assessment
 from rig.errors import REFUSED, ConfigError
+from rig.run.toml_file import read_toml
 from rig.studies.sizing.axis_file import EXAMPLES, Sizing, example_tables, sizing_of
 from rig.studies.sizing.judgement import Judgement, document, judge
 from rig.studies.sizing.notes import notes
 from rig.studies.sizing.published import Comparison
-from rig.toml_file import read_toml
 from rig.ui.cli.output import COLOUR, out, print_json, wide
 
 FAR = 10.0  # a margin beyond, of either sign, is only told to be

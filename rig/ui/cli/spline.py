@@ -23,9 +23,9 @@ from planners.splines.limits import OF_ORDER, AxisLimits
 from planners.splines.minimum_time import SHAPES, minimum_time
 from planners.trajectory import Trajectory
 from rig.errors import REFUSED, ConfigError
+from rig.run.waypoints import AXES, Waypoints, read_waypoints
 from rig.ui.cli.output import out, print_json, wide, working
 from rig.ui.plots import picture_file
-from rig.waypoints import AXES, Waypoints, read_waypoints
 
 BLENDS = "blends"
 KINDS = (*SPLINES, BLENDS)

@@ -3,6 +3,6 @@
 import sys
 
 from comms.runner import main
-from rig.controller.task import build
+from rig.run.tasks.controller.task import build
 
 sys.exit(main(build))

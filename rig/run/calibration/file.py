@@ -7,8 +7,8 @@ from pathlib import Path
 
 import msgspec
 
-from rig import config, toml_file
 from rig.errors import ConfigError
+from rig.run import config, toml_file
 from vision.errors import VisionError
 from vision.offset_table import OffsetTable
 

@@ -20,9 +20,9 @@ from comms.messages import Command, Frame, Message, Reply, Verb
 from comms.records import Receipts, Timing
 from comms.task import Step, Task
 from rig.errors import STOPPED
-from rig.operator import Operator
-from rig.recorder import Recorder
-from rig.runtime.interrupts import Interrupts
+from rig.run.recorder import Recorder
+from rig.run.runtime.interrupts import Interrupts
+from rig.run.tasks.operator import Operator
 
 RECEIPTS = 512  # rows a record
 PROGRESS_NS = 250 * MS

@@ -19,9 +19,9 @@ from planners.problem import Limits, Plan, Problem
 from planners.splines import SPLINES
 from planners.splines.allocation import ALLOCATIONS, allocate
 from planners.trajectory import Trajectory
-from rig.config import Experiment
 from rig.errors import ConfigError
-from rig.toml_file import nearest, read_text
+from rig.run.config import Experiment
+from rig.run.toml_file import nearest, read_text
 
 TIME, AXES = "t_s", ("x_m", "y_m", "z_m")
 COLUMNS = (TIME, *AXES)

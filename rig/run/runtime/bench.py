@@ -7,10 +7,10 @@ from typing import Any
 import msgspec
 
 from comms.task import Task
-from rig.config import Experiment
 from rig.errors import ConfigError, Refused
-from rig.job import Plant
-from rig.toml_file import convert
+from rig.run.config import Experiment
+from rig.run.job import Plant
+from rig.run.toml_file import convert
 from sim_rig.params import BenchParams, Camera, Pendulum, Robot, View
 from sim_rig.task import BenchTask
 

@@ -27,9 +27,9 @@ class Process(NamedTuple):
 
 PROCESSES = {
     "bench": Process("sim_rig", 25),
-    "controller": Process("rig.controller", 30),
+    "controller": Process("rig.run.tasks.controller", 30),
     "vision": Process("vision", 10),
-    "streamer": Process("rig.streamer", 20),
+    "streamer": Process("rig.run.tasks.streamer", 20),
 }
 
 

@@ -24,10 +24,10 @@ from comms.runner import ADMISSION_NS
 from comms.task import Step
 from comms.udp import free_ports
 from rig.errors import FAULT, REFUSED, STOPPED, Refused
-from rig.operator import Operator, Stage
-from rig.recorder import Recorder
-from rig.runtime.children import Children
-from rig.runtime.interrupts import Interrupts
+from rig.run.recorder import Recorder
+from rig.run.runtime.children import Children
+from rig.run.runtime.interrupts import Interrupts
+from rig.run.tasks.operator import Operator, Stage
 
 BUS_PORTS = 3  # base_port .. base_port + 2 are the operator's, the channels follow
 HEARTBEAT_NS = 200 * MS

@@ -15,9 +15,9 @@ from comms.replies import Replies
 from comms.task import NOTHING, Send, Step
 from rig.analysis.identify.errors import AnalysisError
 from rig.analysis.identify.swing import initial_swing_rad
-from rig.controller.phase import ORDERS, Happening, next_phase, refusal
 from rig.errors import FAULT, REFUSED
-from rig.safety import Envelope, Gate
+from rig.run.tasks.controller.phase import ORDERS, Happening, next_phase, refusal
+from rig.run.tasks.safety import Envelope, Gate
 
 PERIOD_NS = 10 * MS
 IN_PLACE_M = 0.002  # farther from the start of the move than this, the robot would be pulled there in 30 ms

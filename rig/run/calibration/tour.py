@@ -17,9 +17,9 @@ from planners.problem import Problem
 from planners.trajectory import Trajectory
 from rig.analysis.identify.offsets import OffsetCalibration, Watch, calibrate_offsets
 from rig.analysis.run_log import SETTLE_S, RunLog
-from rig.calibration_file import Calibration
-from rig.config import Experiment
-from rig.load_model import belief
+from rig.run.calibration.file import Calibration
+from rig.run.config import Experiment
+from rig.run.load_model import belief
 
 POINTS_M = (-0.2, -0.1, 0.0, 0.1, 0.2)
 HOP_S = 2.0

@@ -6,8 +6,8 @@ from planners.errors import PlanError
 from planners.models.chain import ChainModel, parse_links
 from planners.models.model import Model
 from planners.models.pendulum import PendulumModel
-from rig.config import Experiment, ModelSection
 from rig.errors import ConfigError
+from rig.run.config import Experiment, ModelSection
 
 
 def belief(experiment: Experiment) -> Model:

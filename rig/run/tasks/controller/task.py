@@ -8,10 +8,10 @@ from comms.channels import MS
 from comms.messages import Command, JointState, Message, Phase, Position, Reference, Setpoint, Verb
 from comms.replies import Replies
 from comms.task import NOTHING, Send, Step
-from rig.controller.communication import Communication
-from rig.controller.interpolator import TICK_NS, Interpolator
-from rig.controller.phase import ORDERS, Happening, next_phase, refusal
 from rig.errors import FAULT
+from rig.run.tasks.controller.communication import Communication
+from rig.run.tasks.controller.interpolator import TICK_NS, Interpolator
+from rig.run.tasks.controller.phase import ORDERS, Happening, next_phase, refusal
 
 STATE_EVERY = 2  # ticks: setpoints at 200 Hz, state at 100 Hz
 

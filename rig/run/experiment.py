@@ -12,11 +12,11 @@ from comms.clock import stopwatch_s, utc_now
 from comms.link import LinkFaults
 from planners.motion import Motion
 from planners.problem import Plan
-from rig import runs
-from rig.config import Experiment
-from rig.job import Job, plan_move, prepare
-from rig.runtime import bench
-from rig.runtime.execute import Mode, Outcome, Progress, execute
+from rig.run import runs
+from rig.run.config import Experiment
+from rig.run.job import Job, plan_move, prepare
+from rig.run.runtime import bench
+from rig.run.runtime.execute import Mode, Outcome, Progress, execute
 
 
 class Ran(NamedTuple):

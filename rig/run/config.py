@@ -1,6 +1,7 @@
 """The experiment file: TOML in, one validated Experiment out; a wrong key or value is named with its bound.
 
-`[model]` is what the planner believes. `[bench.*]` is what the simulated world is; it is read by rig/runtime/bench.py alone.
+`[model]` is what the planner believes. `[bench.*]` is what the simulated world is; it is read by
+rig/run/runtime/bench.py alone.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from msgspec import Meta
 from comms.channels import DATA
 from comms.link import LinkFaults
 from rig.errors import ConfigError
-from rig.toml_file import Section, convert, nearest, override, read_toml
+from rig.run.toml_file import Section, convert, nearest, override, read_toml
 
 Positive = Annotated[float, Meta(gt=0, le=1e6)]
 NotNegative = Annotated[float, Meta(ge=0, le=1e6)]
@@ -206,7 +207,7 @@ def _check_links(links: Any) -> None:
 
 
 def _folder(name: str) -> Any:
-    return resources.files("rig") / name
+    return resources.files("rig.run") / name
 
 
 def _read(name_or_path: str) -> dict[str, Any]:

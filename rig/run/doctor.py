@@ -17,9 +17,9 @@ from comms.channels import CHANNELS, Transport
 from comms.clock import timer_lateness_ns
 from comms.errors import CommsError
 from comms.udp import UdpReceiver, port_is_free, receive_buffer_bytes
-from rig.config import NetworkSection, shipped_calibrations
-from rig.runtime.children import PROCESSES
-from rig.runtime.processes import BUS_PORTS, channel_ports
+from rig.run.config import NetworkSection, shipped_calibrations
+from rig.run.runtime.children import PROCESSES
+from rig.run.runtime.processes import BUS_PORTS, channel_ports
 
 ROOMS = ("comms", "planners", "vision", "sim_rig", "rig")
 NEEDED = {"numpy": 2, "scipy": 1, "opencv-python-headless": 4, "pyzmq": 26, "mcap": 1, "msgspec": 0, "matplotlib": 3}
@@ -71,7 +71,7 @@ def _room(name: str) -> Check:
     """The names are generic: another distribution's `vision` on the path would be run instead of ours."""
     spec = importlib.util.find_spec(name)
     where = Path(spec.origin).resolve().parent if spec and spec.origin else None
-    home = Path(__file__).resolve().parents[1]
+    home = Path(__file__).resolve().parents[2]
     if where is None:
         return Check(f"package {name}", "failed", "not found", "run `make setup`")
     ours = where.parent == home and _distributed()

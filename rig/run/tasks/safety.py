@@ -7,7 +7,7 @@ import math
 import msgspec
 
 from comms.messages import Position
-from rig.controller.interpolator import WINDOW_NS
+from rig.run.tasks.controller.interpolator import WINDOW_NS
 
 ROUNDING = 1e-9  # metres: what summing floats may cost
 

@@ -16,14 +16,14 @@ from planners import catalog
 from planners.errors import PlanError
 from planners.motion import Motion
 from planners.problem import Limits, Plan, Problem
-from rig import calibration_file
-from rig.config import Experiment
-from rig.controller.task import ControllerSettings
 from rig.errors import ConfigError, Refused
-from rig.load_model import belief
-from rig.safety import Envelope, Gate
-from rig.streamer import PERIOD_NS, StreamerSettings
-from rig.waypoints import plan_through, read_waypoints
+from rig.run.calibration import file as calibration_file
+from rig.run.config import Experiment
+from rig.run.load_model import belief
+from rig.run.tasks.controller.task import ControllerSettings
+from rig.run.tasks.safety import Envelope, Gate
+from rig.run.tasks.streamer import PERIOD_NS, StreamerSettings
+from rig.run.waypoints import plan_through, read_waypoints
 from vision.task import VisionSettings
 
 MARGIN = 1.1  # of the plan's limits, where [safety] names no own

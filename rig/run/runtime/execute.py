@@ -15,17 +15,17 @@ from comms.clock import MonotonicClock, new_run_clock, stopwatch_s, utc_now
 from comms.errors import CommsError
 from comms.link import LinkCount
 from comms.task import Task
-from rig import runs
-from rig.controller.task import Controller
 from rig.errors import EXIT_STATUS, FAULT, REFUSED, RigError, RunFailed
-from rig.job import Job
-from rig.operator import Operator
-from rig.recorder import Recorder
-from rig.runtime import bench
-from rig.runtime.interrupts import Interrupts
-from rig.runtime.processes import ProcessRunner
-from rig.runtime.virtual import VirtualRunner
-from rig.streamer import Streamer
+from rig.run import runs
+from rig.run.job import Job
+from rig.run.recorder import Recorder
+from rig.run.runtime import bench
+from rig.run.runtime.interrupts import Interrupts
+from rig.run.runtime.processes import ProcessRunner
+from rig.run.runtime.virtual import VirtualRunner
+from rig.run.tasks.controller.task import Controller
+from rig.run.tasks.operator import Operator
+from rig.run.tasks.streamer import Streamer
 
 Mode = Literal["wall", "virtual"]
 Progress = Callable[[int, Operator], None]  # run clock [ns]; called often
@@ -154,7 +154,7 @@ def _start(job: Job, mode: Mode, folder: Path) -> dict[str, str]:
 
 def _git() -> tuple[str, str]:
     """Commit and dirty flag of the checkout this code runs from, `unknown` outside one."""
-    where = Path(__file__).resolve().parents[2]
+    where = Path(__file__).resolve().parents[3]
     try:
         ask = ["git", "-C", str(where), "describe", "--always", "--dirty", "--abbrev=40", "--exclude=*"]
         said = subprocess.run(ask, capture_output=True, text=True, timeout=5, check=True).stdout.strip()
