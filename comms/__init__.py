@@ -1,1 +1,4 @@
-"""Words, bytes, time, sockets and logs; imports nothing else of this project."""
+"""Communication: messages, bytes, time, task contract, sockets, link model, ledger and log file.
+
+Imports nothing else of ours.
+"""

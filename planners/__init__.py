@@ -1,1 +1,4 @@
-"""Numbers in, plans out: trajectories, models and planners; pure, imports nothing else of this project."""
+"""Planners: a problem in, a trajectory and a plan with its metrics out. Pure.
+
+Imports nothing else of ours.
+"""

@@ -11,12 +11,12 @@ from planners.boundary_value.finite_differences import plan_finite_differences
 from planners.boundary_value.matrix_exponential import plan_matrix_exponential
 from planners.boundary_value.shooting import plan_shooting
 from planners.errors import NotConverged, unknown_name
-from planners.metrics import measure
-from planners.motion import Motion
+from planners.plan_law import plan_law
 from planners.problem import Plan, Problem
-from planners.shaping import SHAPED, plan_shaped
-from planners.trajectory import Trajectory
-from planners.unshaped import plan_law
+from planners.replay.metrics import measure
+from planners.shapers.plan_shaped import SHAPED, plan_shaped
+from planners.trajectories.motion import Motion
+from planners.trajectories.trajectory import Trajectory
 
 LEFT, LEFT_RAD = 1e-5, 1e-8  # of the peak swing, and besides: what a boundary-value planner may leave on its own model
 Planner = Callable[[Problem], Trajectory]

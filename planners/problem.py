@@ -12,8 +12,8 @@ import numpy as np
 from planners.errors import PlanError, check_range, unknown_name
 from planners.laws import LAWS
 from planners.models.model import INPUTS, LAG_S, LAGS_S, Model, cart_of
-from planners.motion import Motion
-from planners.pieces import FloatArray
+from planners.trajectories.motion import Motion
+from planners.trajectories.pieces import FloatArray
 
 AXES = ("x", "y")  # a vertical move swings nothing
 LONGEST_PERIODS = 1000.0  # of the fastest mode; a replay of it takes seconds

@@ -24,11 +24,11 @@ from planners.boundary_value.matrix_exponential import plan_matrix_exponential
 from planners.boundary_value.nodes import Budget, Nodes, checked_trajectory, graded_grid, input_from_costates, through_nodes
 from planners.boundary_value.nonlinear import TruePendulum
 from planners.boundary_value.shooting import plan_shooting
-from planners.cells import resolve
 from planners.errors import NotConverged, PlanError
 from planners.models.chain import ChainModel, Link
 from planners.models.pendulum import PendulumModel
 from planners.problem import Problem
+from planners.trajectories.cells import resolve
 
 METRE = PendulumModel(length_m=1.0)
 BARS = ChainModel(  # source 004, chapter 4

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from planners.errors import PlanError
 from planners.laws import LAWS
-from planners.pieces import ExpPolynomial, Mode, Smooth, polynomial
-from planners.trajectory import Trajectory
+from planners.trajectories.pieces import ExpPolynomial, Mode, Smooth, polynomial
+from planners.trajectories.trajectory import Trajectory
 from rig.drives.motor import Drivetrain, Motor, check, effort, operating_points, torque
 
 DATA = tomllib.loads((Path(__file__).parent / "data" / "spectra.toml").read_text())["motor"]

@@ -16,10 +16,10 @@ from planners.laws.elliptic import elliptic
 from planners.laws.harmonic import harmonic
 from planners.laws.polynomial import between, quintic
 from planners.laws.rect_cascade import RectCascade
-from planners.operations import composed, normalised, reversed_in_time, stretched, translated, within_limits
-from planners.pieces import ExpPolynomial, Mode, Smooth, polynomial
 from planners.splines.cubic import clamped
-from planners.trajectory import Trajectory
+from planners.trajectories.operations import composed, normalised, reversed_in_time, stretched, translated, within_limits
+from planners.trajectories.pieces import ExpPolynomial, Mode, Smooth, polynomial
+from planners.trajectories.trajectory import Trajectory
 
 DAMPED = Trajectory(
     (ExpPolynomial(1.7, (0.3, -0.2, 0.05), (Mode(-0.4 + 9.0j, (0.2 - 0.1j, 0.05j)), Mode(1.3 + 0j, (0.02 + 0j,)))),)

@@ -15,12 +15,12 @@ from scipy.integrate import solve_ivp
 
 from planners.catalog import BOUNDARY_VALUE, PLANNERS, plan
 from planners.errors import Infeasible, PlanError
-from planners.metrics import swing_after
 from planners.models.pendulum import PendulumModel
-from planners.pieces import polynomial
 from planners.problem import Limits, Problem, Status
 from planners.replay import replay
-from planners.trajectory import Trajectory
+from planners.replay.metrics import swing_after
+from planners.trajectories.pieces import polynomial
+from planners.trajectories.trajectory import Trajectory
 
 G = 9.81
 METRE = PendulumModel(length_m=1.0)

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from planners.errors import PlanError
 from planners.models.chain import ChainModel, Link, parse_links
 from planners.models.pendulum import PendulumModel
-from planners.pieces import ExpPolynomial, Mode, Smooth, polynomial
 from planners.replay import Swing, _momenta, replay
 from planners.replay.several_links import play_several_links
-from planners.trajectory import Trajectory
+from planners.trajectories.pieces import ExpPolynomial, Mode, Smooth, polynomial
+from planners.trajectories.trajectory import Trajectory
 from tests.lagrangian import CartAndChain
 
 TWO = ChainModel(links=parse_links("0.5:3.375:bar,0.5:3.375:bar"), stiffness_n_m_rad=(10.0,), joint_damping_n_m_s_rad=(0.05,))

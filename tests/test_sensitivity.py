@@ -17,16 +17,16 @@ from scipy.special import erf
 from planners.catalog import PLANNERS
 from planners.errors import PlanError
 from planners.laws import LAWS
-from planners.metrics import swing_after
 from planners.models.chain import ChainModel, Link
 from planners.models.pendulum import PendulumModel
-from planners.pieces import Smooth, polynomial
 from planners.problem import Problem
 from planners.replay import replay
-from planners.sensitivity import residual_amplitudes, residual_curve, residual_peaks
+from planners.replay.metrics import swing_after
+from planners.replay.wrong_parameters import residual_amplitudes, residual_curve, residual_peaks
 from planners.shapers import Shaper
-from planners.shaping import shape
-from planners.trajectory import Trajectory
+from planners.shapers.plan_shaped import shape
+from planners.trajectories.pieces import Smooth, polynomial
+from planners.trajectories.trajectory import Trajectory
 from rig.errors import RigError
 from rig.studies.thesis_tables import curves
 from rig.ui.plots import sensitivity

@@ -13,7 +13,7 @@ from scipy.linalg import expm
 from planners.errors import PlanError
 from planners.laws import LAWS
 from planners.shapers import SHAPERS, Shaper, residual, transform
-from planners.shaping import shape
+from planners.shapers.plan_shaped import shape
 from rig.drives.servo.errors import BeyondNyquist, ServoError
 from rig.drives.servo.loops import Mode, swinging
 from rig.drives.servo.setpoint import Setpoint

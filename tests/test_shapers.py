@@ -30,7 +30,7 @@ from planners.shapers import (
     zvd,
 )
 from planners.shapers.formulas import MOST_DAMPING
-from planners.shaping import SHAPED, plan_shaped, shape
+from planners.shapers.plan_shaped import SHAPED, plan_shaped, shape
 
 TURN = 2 * math.pi
 METRE = PendulumModel(length_m=1.0)

@@ -13,20 +13,20 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.special import spherical_jn
 
-from planners.driven import driven
 from planners.errors import PlanError
-from planners.law_spectra import SPECTRA, law_spectrum, polynomial_spectrum, rect_spectrum
 from planners.laws import LAWS
 from planners.laws.double_s import double_s
-from planners.metrics import swing_after
 from planners.models.chain import ChainModel, Link
 from planners.models.pendulum import PendulumModel
-from planners.oscillator import MassChain, hanging, residual, response
-from planners.periodic import harmonics
-from planners.pieces import ExpPolynomial, Mode, Smooth, polynomial
-from planners.spectrum import spectrum, spectrum_by_cycles, transform
-from planners.swing_free import swing_free_cycles, swing_free_durations_s
-from planners.trajectory import Trajectory
+from planners.replay.metrics import swing_after
+from planners.spectra.law_spectra import SPECTRA, law_spectrum, polynomial_spectrum, rect_spectrum
+from planners.spectra.oscillator import MassChain, hanging, residual, response
+from planners.spectra.periodic import harmonics
+from planners.spectra.spectrum import spectrum, spectrum_by_cycles, transform
+from planners.spectra.swing_free import swing_free_cycles, swing_free_durations_s
+from planners.trajectories.driven import driven
+from planners.trajectories.pieces import ExpPolynomial, Mode, Smooth, polynomial
+from planners.trajectories.trajectory import Trajectory
 
 DATA = tomllib.loads((Path(__file__).parent / "data" / "spectra.toml").read_text())
 CYCLES = np.array(DATA["spectra"].pop("cycles"))

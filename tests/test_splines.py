@@ -16,9 +16,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import BarycentricInterpolator, CubicSpline, make_interp_spline
 from scipy.optimize import brute
 
-from planners.cells import Polynomials
 from planners.errors import Infeasible, NotConverged, PlanError
-from planners.motion import Motion
 from planners.splines import SPLINES
 from planners.splines.allocation import ALLOCATIONS, allocate
 from planners.splines.analysis import analyse
@@ -33,7 +31,9 @@ from planners.splines.minimum_time import SHAPES, minimum_time
 from planners.splines.n_point import conditioning, n_point
 from planners.splines.points import End
 from planners.splines.shape_search import ShapeSearch
-from planners.trajectory import Trajectory
+from planners.trajectories.cells import Polynomials
+from planners.trajectories.motion import Motion
+from planners.trajectories.trajectory import Trajectory
 
 DATA = tomllib.loads((Path(__file__).parent / "data" / "splines.toml").read_text())
 CASE = DATA["case"]

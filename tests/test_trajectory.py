@@ -10,12 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from planners.cells import exponential_integral
 from planners.errors import PlanError
 from planners.laws.harmonic import harmonic
-from planners.motion import Motion
-from planners.pieces import ExpPolynomial, Mode, Smooth, add, polynomial
-from planners.trajectory import Trajectory
+from planners.trajectories.cells import exponential_integral
+from planners.trajectories.motion import Motion
+from planners.trajectories.pieces import ExpPolynomial, Mode, Smooth, add, polynomial
+from planners.trajectories.trajectory import Trajectory
 
 QUINTIC = polynomial(1.0, (0.0, 0.0, 0.0, 10.0, -15.0, 6.0))
 DAMPED = ExpPolynomial(1.7, (0.3, -0.2, 0.05), (Mode(-0.4 + 9.0j, (0.2 - 0.1j, 0.05j)), Mode(1.3 + 0j, (0.02 + 0j,))))

@@ -1,1 +1,4 @@
-"""Pixels in, angle out: the cable tracker, its offset table and filters, and the vision task."""
+"""Vision: pixels in, cable angle out; only task.py and __main__.py know the wire.
+
+Imports comms only; the estimators import nothing else of ours.
+"""

@@ -10,11 +10,11 @@ from itertools import pairwise
 import numpy as np
 
 from planners.boundary_value.linear import LinearProblem, Spectrum
-from planners.driven import Term, driven, real_part
 from planners.errors import PlanError
-from planners.pieces import ComplexArray, ExpPolynomial, Mode, add_closed
 from planners.problem import Problem
-from planners.trajectory import Trajectory
+from planners.trajectories.driven import Term, driven, real_part
+from planners.trajectories.pieces import ComplexArray, ExpPolynomial, Mode, add_closed
+from planners.trajectories.trajectory import Trajectory
 
 END_ERROR = 1e-9  # of the move
 SHORT_MOVE_M = 1e-3  # a shorter one is judged as this one

@@ -7,9 +7,9 @@ import numpy as np
 from planners.boundary_value.conditions import conditions
 from planners.boundary_value.nodes import Budget, checked_trajectory, graded_grid
 from planners.errors import NotConverged
-from planners.pieces import FloatArray
 from planners.problem import Problem
-from planners.trajectory import Trajectory
+from planners.trajectories.pieces import FloatArray
+from planners.trajectories.trajectory import Trajectory
 
 TOLERANCE = 1e-6  # of solve_bvp: residual of the slope, relative to 1 + the slope, in sizes a move
 END_ERROR = 1e-11  # of the states at both ends, in sizes

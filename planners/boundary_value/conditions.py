@@ -10,8 +10,8 @@ import numpy as np
 from planners.boundary_value.convolution import gramian
 from planners.boundary_value.linear import LinearProblem, linear_problem
 from planners.boundary_value.nonlinear import true_pendulum
-from planners.pieces import ComplexArray, FloatArray
 from planners.problem import Problem
+from planners.trajectories.pieces import ComplexArray, FloatArray
 
 Field = Callable[[FloatArray], FloatArray]
 

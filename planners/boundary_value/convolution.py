@@ -9,9 +9,9 @@ import numpy as np
 from planners.boundary_value.closed_form import refuse_nonlinear, spoilt, trajectory_of
 from planners.boundary_value.linear import LinearProblem, Spectrum, linear_problem
 from planners.errors import PlanError
-from planners.pieces import ComplexArray, FloatArray
 from planners.problem import Problem
-from planners.trajectory import Trajectory
+from planners.trajectories.pieces import ComplexArray, FloatArray
+from planners.trajectories.trajectory import Trajectory
 
 NODES = 20  # of Gauss-Legendre on 0..1: exact to rounding for exp(x s), |x| <= FEW
 FEW = 8.0

@@ -10,9 +10,9 @@ from planners.boundary_value.conditions import Conditions, conditions, linear_co
 from planners.boundary_value.linear import LinearProblem, linear_problem
 from planners.boundary_value.nodes import Budget, Nodes, checked_trajectory, graded_grid
 from planners.errors import NotConverged
-from planners.pieces import FloatArray
 from planners.problem import Problem
-from planners.trajectory import Trajectory
+from planners.trajectories.pieces import FloatArray
+from planners.trajectories.trajectory import Trajectory
 
 AGREED = 3e-7  # of the peak acceleration: what one more level of extrapolation may still change; what is left is less
 LEVELS = 6  # parts an interval may be cut into

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from planners.errors import PlanError
 from planners.models.model import Cart, Model, Modes, cart_of
-from planners.pieces import ComplexArray, FloatArray
+from planners.trajectories.pieces import ComplexArray, FloatArray
 
 if TYPE_CHECKING:
     from planners.problem import Problem

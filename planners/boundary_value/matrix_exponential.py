@@ -9,11 +9,11 @@ import numpy as np
 
 from planners.boundary_value.closed_form import checked_end, refuse_nonlinear, spoilt, trajectory_of
 from planners.boundary_value.linear import LinearProblem, linear_problem
-from planners.cells import Polynomials
 from planners.errors import PlanError
-from planners.pieces import ComplexArray
 from planners.problem import Problem
-from planners.trajectory import Trajectory
+from planners.trajectories.cells import Polynomials
+from planners.trajectories.pieces import ComplexArray
+from planners.trajectories.trajectory import Trajectory
 
 TAYLOR = 1.0 / np.array([math.factorial(k) for k in range(20)]).reshape(5, 4)  # 1/20! = 4e-19: enough for norm <= 1
 DEGREE = 18  # of the polynomial pieces of a step of norm <= 1

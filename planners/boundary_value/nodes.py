@@ -10,10 +10,10 @@ import numpy as np
 from planners.boundary_value.conditions import Conditions
 from planners.boundary_value.linear import LinearProblem
 from planners.errors import NotConverged, PlanError
-from planners.pieces import ExpPolynomial, FloatArray
 from planners.problem import Problem
 from planners.replay import replay
-from planners.trajectory import Trajectory
+from planners.trajectories.pieces import ExpPolynomial, FloatArray
+from planners.trajectories.trajectory import Trajectory
 
 FEWEST = 200  # intervals of a move, the source's number
 MOST = 20_000

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from planners.errors import PlanError
-from planners.pieces import FloatArray
 from planners.problem import Problem
+from planners.trajectories.pieces import FloatArray
 
 INPUTS = ("acceleration", "jerk")
 

@@ -11,9 +11,9 @@ from planners.boundary_value.conditions import Conditions, conditions, linear_co
 from planners.boundary_value.linear import linear_problem
 from planners.boundary_value.nodes import Budget, checked_trajectory, graded_grid
 from planners.errors import NotConverged
-from planners.pieces import FloatArray
 from planners.problem import Problem
-from planners.trajectory import Trajectory
+from planners.trajectories.pieces import FloatArray
+from planners.trajectories.trajectory import Trajectory
 
 RELATIVE, ABSOLUTE = 1e-11, 1e-13  # of the integration, in sizes
 AIM = 1e-10  # of the end state, in sizes

@@ -1,6 +1,6 @@
 """Motion laws from 0 to 1, rest to rest: one table, law(duration_s) -> Trajectory.
 
-A move of any size, sign and place is LAWS[name](duration_s).scaled(distance_m).shifted(start_m); 0 m stands still.
+Imports trajectories, planners/bounds.py and planners/errors.py. A move of any size, sign and place is LAWS[name](duration_s).scaled(distance_m).shifted(start_m); 0 m stands still.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from planners.laws.modified import modified_sine, modified_trapezoidal
 from planners.laws.polynomial import cubic, quintic, septic
 from planners.laws.rect_cascade import fifteen_segments
 from planners.laws.trapezoidal import trapezoidal, triangular
-from planners.trajectory import Trajectory
+from planners.trajectories.trajectory import Trajectory
 
 LAWS: dict[str, Callable[[float], Trajectory]] = {
     "harmonic": harmonic,

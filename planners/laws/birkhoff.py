@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from planners import bounds
 from planners.errors import NotConverged, PlanError, check_range
-from planners.laws import bounds
-from planners.pieces import ExpPolynomial, FloatArray, polynomial
-from planners.trajectory import Trajectory
+from planners.trajectories.pieces import ExpPolynomial, FloatArray, polynomial
+from planners.trajectories.trajectory import Trajectory
 
 MOST = 32  # conditions; powers of a time are then numbers
 SINGULAR = 1e-12  # smallest by largest singular value of the conditions in scaled time

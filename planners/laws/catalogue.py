@@ -6,9 +6,10 @@ import math
 from functools import lru_cache
 from typing import NamedTuple
 
+from planners import bounds
 from planners.errors import PlanError, unknown_name
-from planners.laws import LAWS, bounds
-from planners.trajectory import Trajectory
+from planners.laws import LAWS
+from planners.trajectories.trajectory import Trajectory
 
 SMOOTHEST = 6  # highest continuous derivative that is looked for
 

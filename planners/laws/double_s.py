@@ -6,11 +6,11 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from planners import bounds
 from planners.errors import Infeasible, PlanError
-from planners.laws import bounds
 from planners.laws.rect_cascade import RectCascade
 from planners.laws.segments import integrated
-from planners.trajectory import Trajectory
+from planners.trajectories.trajectory import Trajectory
 
 ROUNDING = 1e-12  # a share of a bound that a number may miss it by
 

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from planners import bounds
 from planners.errors import check_range
-from planners.laws import bounds
-from planners.pieces import FloatArray, Smooth
-from planners.trajectory import Trajectory
+from planners.trajectories.pieces import FloatArray, Smooth
+from planners.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from numpy.polynomial import Polynomial

@@ -6,10 +6,10 @@ import math
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from planners import bounds
 from planners.errors import PlanError
-from planners.laws import bounds
-from planners.pieces import ExpPolynomial, Mode
-from planners.trajectory import Trajectory
+from planners.trajectories.pieces import ExpPolynomial, Mode
+from planners.trajectories.trajectory import Trajectory
 
 ROUNDING = 1e-12
 GUTMAN_1_3 = MappingProxyType({1: 15 / 16, 3: 1 / 16})

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from planners.laws import bounds
-from planners.pieces import ExpPolynomial, Mode
-from planners.trajectory import Trajectory
+from planners import bounds
+from planners.trajectories.pieces import ExpPolynomial, Mode
+from planners.trajectories.trajectory import Trajectory
 
 
 def harmonic(duration_s: float) -> Trajectory:

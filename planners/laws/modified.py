@@ -6,9 +6,9 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from planners.laws import bounds
-from planners.pieces import ExpPolynomial, Mode
-from planners.trajectory import Trajectory
+from planners import bounds
+from planners.trajectories.pieces import ExpPolynomial, Mode
+from planners.trajectories.trajectory import Trajectory
 
 
 class Stretch(NamedTuple):

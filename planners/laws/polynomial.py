@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import comb, factorial
 
+from planners import bounds
 from planners.errors import PlanError
-from planners.laws import bounds
-from planners.pieces import polynomial
-from planners.trajectory import Trajectory
+from planners.trajectories.pieces import polynomial
+from planners.trajectories.trajectory import Trajectory
 
 SMOOTHEST = 7  # of rest_to_rest: beyond it the powers cancel and the end derivatives miss 0 by more than 1e-9
 

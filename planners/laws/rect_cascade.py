@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
 
+from planners import bounds
 from planners.errors import PlanError, check_range
-from planners.laws import bounds
 from planners.laws.segments import integrated
-from planners.trajectory import Trajectory
+from planners.trajectories.trajectory import Trajectory
 
 SHORTEST_S = 1e-45  # of a rect: the least distance at the highest speed takes 1e-42 s
 LIMITS = ("speed_m_s", "acceleration_m_s2", "jerk_m_s3", "snap_m_s4")

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from math import factorial
 
-from planners.pieces import polynomial
-from planners.trajectory import Trajectory
+from planners.trajectories.pieces import polynomial
+from planners.trajectories.trajectory import Trajectory
 
 INSTANT_S = 1e-9  # a tick of the run clock: how long a move of no length stands still, as a trajectory cannot last 0 s
 SLIVER = 1e-14  # of the whole; a shorter segment is rounding of a tie and makes no piece of its own

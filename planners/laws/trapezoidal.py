@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
+from planners import bounds
 from planners.errors import Infeasible, PlanError
-from planners.laws import bounds
 from planners.laws.rect_cascade import RectCascade
-from planners.trajectory import Trajectory
+from planners.trajectories.trajectory import Trajectory
 
 ROUNDING = 1e-12  # a share of a bound that a number may miss it by
 

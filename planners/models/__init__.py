@@ -1,1 +1,4 @@
-"""What the planner believes about the load: linear states for planning, nonlinear rates for replay."""
+"""The load as the planner models it: equations of motion, modes, state space.
+
+Imports the array types of trajectories.
+"""

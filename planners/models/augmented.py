@@ -9,7 +9,7 @@ import numpy as np
 
 from planners.errors import PlanError, unknown_name
 from planners.models.model import Model, StateSpace
-from planners.pieces import FloatArray
+from planners.trajectories.pieces import FloatArray
 
 STENCILS = (  # of order 4: steps from the value, weights of the first derivative times 12
     ((-2, -1, 1, 2), (1.0, -8.0, 8.0, -1.0)),

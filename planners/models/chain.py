@@ -10,7 +10,7 @@ import numpy as np
 
 from planners.errors import PlanError, check_range, unknown_name
 from planners.models.model import GRAVITIES_M_S2, JOINTS, LENGTHS_M, MASSES_KG, Equations, Model
-from planners.pieces import FloatArray
+from planners.trajectories.pieces import FloatArray
 
 KINDS = ("bar", "point")
 MOST_LINKS = 20

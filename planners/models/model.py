@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planners.errors import PlanError, check_range, unknown_name
-from planners.pieces import ComplexArray, FloatArray
+from planners.trajectories.pieces import ComplexArray, FloatArray
 
 Cart: TypeAlias = Literal["driven", "free"]
 

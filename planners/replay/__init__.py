@@ -15,11 +15,11 @@ from numpy.typing import ArrayLike
 
 from planners.errors import PlanError
 from planners.models.model import Equations, Model
-from planners.pieces import FloatArray
 from planners.replay.one_link import play_one_link
 from planners.replay.several_links import play_several_links
 from planners.replay.swing import Swing
-from planners.trajectory import Trajectory
+from planners.trajectories.pieces import FloatArray
+from planners.trajectories.trajectory import Trajectory
 
 
 def replay(

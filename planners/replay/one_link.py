@@ -7,12 +7,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from planners.cells import resolve
 from planners.errors import PlanError
 from planners.models.model import Equations
-from planners.pieces import FloatArray, Piece, Smooth
 from planners.replay.swing import Stretch
-from planners.trajectory import Trajectory
+from planners.trajectories.cells import resolve
+from planners.trajectories.pieces import FloatArray, Piece, Smooth
+from planners.trajectories.trajectory import Trajectory
 
 STEPS_PER_RADIAN = 40.0  # of the load's own phase w t; leaves less than 1e-8 rad in 3 s of a 1 m cable
 STEPS_PER_CELL = 16  # of the commanded motion's fastest mode

@@ -9,12 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planners.cells import resolve
 from planners.errors import PlanError
 from planners.models.model import Equations
-from planners.pieces import FloatArray, Piece, Smooth
 from planners.replay.swing import Stretch
-from planners.trajectory import Trajectory
+from planners.trajectories.cells import resolve
+from planners.trajectories.pieces import FloatArray, Piece, Smooth
+from planners.trajectories.trajectory import Trajectory
 
 NODES = 12  # of Gauss on a span, exact to degree 23
 FEW_NODES, SHORT_SPANS = 6, 8  # where so many spans share a step, each needs fewer

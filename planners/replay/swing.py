@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planners.pieces import FloatArray
+from planners.trajectories.pieces import FloatArray
 
 
 class Swing(NamedTuple):

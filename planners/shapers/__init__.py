@@ -1,4 +1,7 @@
-"""Input shapers: one table, name -> shaper of one mode; and the shaper of several modes at once."""
+"""Input shapers: one table, name -> shaper of one mode; and the shaper of several modes at once.
+
+Imports models, laws, trajectories and planners/problem.py.
+"""
 
 from __future__ import annotations
 

@@ -10,8 +10,8 @@ from typing import TypeAlias
 import numpy as np
 
 from planners.errors import PlanError
-from planners.pieces import FloatArray
 from planners.shapers.impulses import TOLERANCE, Shaper, check_mode
+from planners.trajectories.pieces import FloatArray
 
 MOST_DAMPING = {"ei": 0.5, "ei_two_hump": 0.35, "ei_three_hump": 0.25, "um_zv": 0.9}  # near it the last impulses meet
 DAMPING_STEP = 0.02  # of real to imaginary part, from one solution to the next; at 0.1 another solution catches some

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from planners.errors import PlanError
-from planners.pieces import ComplexArray, FloatArray
+from planners.trajectories.pieces import ComplexArray, FloatArray
 
 TOLERANCE = 0.05  # of the unshaped swing: what the extra-insensitive shapers may leave
 COINCIDENT = 1e-12  # of the shaper's length; impulses closer than this are one

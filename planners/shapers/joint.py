@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planners.pieces import ComplexArray, FloatArray
 from planners.shapers.formulas import EXACT, zero_vibration
 from planners.shapers.impulses import COINCIDENT, Shaper, check_mode, convolve, gathered
+from planners.trajectories.pieces import ComplexArray, FloatArray
 
 SAME_MODE = 1e-9  # relative; rates closer than this are one mode
 GRID = 400  # parts of the cascade's length in which a joint shaper is looked for first

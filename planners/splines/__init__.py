@@ -1,4 +1,7 @@
-"""Motions through several points of one axis: one table of the splines that need nothing but times and points."""
+"""Splines through several points of one axis: one table of those that need nothing but times and points.
+
+Imports trajectories, planners/bounds.py and planners/errors.py.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ from planners.splines.b_spline import b_spline
 from planners.splines.cubic import clamped, natural, periodic
 from planners.splines.four_three_four import four_three_four
 from planners.splines.n_point import n_point
-from planners.trajectory import Trajectory
+from planners.trajectories.trajectory import Trajectory
 
 # spline(times_s (N,), points_m (N,)) -> Trajectory from the first point on; at rest at both ends, but for the last three
 SPLINES: dict[str, Callable[[ArrayLike, ArrayLike], Trajectory]] = {

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from planners import bounds
 from planners.errors import PlanError, check_range
-from planners.laws import bounds
-from planners.pieces import FloatArray
 from planners.splines.points import SHORTEST
+from planners.trajectories.pieces import FloatArray
 
 ALLOCATIONS = {"equal": 0.0, "proportional": 1.0, "root": 0.5}  # name -> power of the distance
 STEEPEST = 4.0  # a higher power leaves all but the longest interval without time

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from planners.errors import PlanError
-from planners.pieces import FloatArray
 from planners.splines.limits import OF_ORDER, AxisLimits
-from planners.trajectory import Trajectory
+from planners.trajectories.pieces import FloatArray
+from planners.trajectories.trajectory import Trajectory
 
 NAMES = ("position_m", "speed_m_s", "acceleration_m_s2", "jerk_m_s3")
 ROUNDING = 1e-9  # share by which a peak may exceed its limit, and by which it counts as being at a joint

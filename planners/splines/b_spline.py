@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planners.cells import Polynomials
 from planners.errors import PlanError
-from planners.pieces import FloatArray
 from planners.splines.points import REST, End, via_points
-from planners.trajectory import Trajectory
+from planners.trajectories.cells import Polynomials
+from planners.trajectories.pieces import FloatArray
+from planners.trajectories.trajectory import Trajectory
 
 FEWEST = 2
 DEGREES = (4, 5)

@@ -7,12 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planners.cells import Polynomials
+from planners import bounds
 from planners.errors import Infeasible, check_range
-from planners.laws import bounds
-from planners.pieces import FloatArray
 from planners.splines.points import ViaPoints, via_points
-from planners.trajectory import Trajectory
+from planners.trajectories.cells import Polynomials
+from planners.trajectories.pieces import FloatArray
+from planners.trajectories.trajectory import Trajectory
 
 FEWEST = 3
 ROUNDING = 1e-12  # share of an interval that blends may overlap by

@@ -9,14 +9,14 @@ from typing import TypeAlias
 
 import numpy as np
 
-from planners.cells import Polynomials
+from planners import bounds
 from planners.errors import PlanError, check_range, unknown_name
-from planners.laws import bounds
-from planners.pieces import FloatArray
 from planners.splines.b_spline import b_spline
 from planners.splines.four_three_four import four_three_four
 from planners.splines.points import REST, SHORTEST, End, via_points
-from planners.trajectory import JUMP, Trajectory
+from planners.trajectories.cells import Polynomials
+from planners.trajectories.pieces import FloatArray
+from planners.trajectories.trajectory import JUMP, Trajectory
 
 Through: TypeAlias = Callable[[FloatArray, FloatArray, End, End], Trajectory]
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planners.cells import Polynomials
 from planners.errors import PlanError
-from planners.pieces import FloatArray
 from planners.splines.points import End, via_points
 from planners.splines.tridiagonal import solve
-from planners.trajectory import Trajectory
+from planners.trajectories.cells import Polynomials
+from planners.trajectories.pieces import FloatArray
+from planners.trajectories.trajectory import Trajectory
 
 FEWEST = 2
 JUMP = 1e-9  # of the largest position: a periodic motion must come back this closely

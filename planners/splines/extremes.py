@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planners.pieces import FloatArray
+from planners.trajectories.pieces import FloatArray
 
 HALVINGS = 54  # of 0..1: to the last bit
 

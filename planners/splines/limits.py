@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from planners import bounds
 from planners.errors import PlanError
-from planners.laws import bounds
 
 OF_ORDER = {1: "speed_m_s", 2: "acceleration_m_s2", 3: "jerk_m_s3"}
 

@@ -8,15 +8,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from planners import bounds
 from planners.errors import Infeasible, PlanError, check_range, unknown_name
-from planners.laws import bounds
-from planners.pieces import FloatArray
 from planners.splines.allocation import ALLOCATIONS
 from planners.splines.b_spline import many_pieces
 from planners.splines.cubic import clamped_coefficients
 from planners.splines.four_three_four import quartic_ended
 from planners.splines.limits import OF_ORDER, AxisLimits
 from planners.splines.shape_search import Shape, ShapeSearch
+from planners.trajectories.pieces import FloatArray
 
 FEWEST = 3
 SAMPLES = 256  # allocations looked at besides the starts

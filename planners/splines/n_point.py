@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from planners.errors import NotConverged, PlanError
-from planners.pieces import FloatArray, Smooth
 from planners.splines.points import via_points
-from planners.trajectory import Trajectory
+from planners.trajectories.pieces import FloatArray, Smooth
+from planners.trajectories.trajectory import Trajectory
 
 FEWEST = 2
 MISS = 1e-9  # of the largest point

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from planners import bounds
 from planners.errors import PlanError, check_range
-from planners.laws import bounds
-from planners.pieces import FloatArray
+from planners.trajectories.pieces import FloatArray
 
 LATEST_S = 1e12  # on any clock
 SHORTEST = 1e-9  # of the whole time: a shorter interval is a slip of the table

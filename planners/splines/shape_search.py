@@ -11,8 +11,8 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from planners.pieces import FloatArray
 from planners.splines.extremes import extremes
+from planners.trajectories.pieces import FloatArray
 
 # durations (..., K), points (K + 1,) -> durations (..., P) and coefficients (..., P, powers) of the pieces
 Shape: TypeAlias = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]

@@ -12,12 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planners.driven import Term, real_part
+from planners import bounds
 from planners.errors import PlanError, check_range
-from planners.laws import bounds
-from planners.pieces import FloatArray, Mode, Piece, Smooth, add
-from planners.spectrum import speed_steps
-from planners.trajectory import JUMP, Peak, Trajectory
+from planners.spectra.spectrum import speed_steps
+from planners.trajectories.driven import Term, real_part
+from planners.trajectories.pieces import FloatArray, Mode, Piece, Smooth, add
+from planners.trajectories.trajectory import JUMP, Peak, Trajectory
 
 TOLERANCE = 1e-9  # of a limit; a motion that meets it exactly keeps it
 

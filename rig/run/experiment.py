@@ -10,8 +10,8 @@ import msgspec
 
 from comms.clock import stopwatch_s, utc_now
 from comms.link import LinkFaults
-from planners.motion import Motion
 from planners.problem import Plan
+from planners.trajectories.motion import Motion
 from rig.run import runs
 from rig.run.config import Experiment
 from rig.run.job import Job, plan_move, prepare

@@ -14,8 +14,8 @@ from comms.channels import MS
 from comms.plan_record import PlanRecord
 from planners import catalog
 from planners.errors import PlanError
-from planners.motion import Motion
 from planners.problem import Limits, Plan, Problem
+from planners.trajectories.motion import Motion
 from rig.errors import ConfigError, Refused
 from rig.run.calibration import file as calibration_file
 from rig.run.config import Experiment

@@ -11,14 +11,14 @@ from typing import NamedTuple
 import numpy as np
 
 from planners.errors import unknown_name
-from planners.metrics import measure
 from planners.models.model import Model
-from planners.motion import Motion
-from planners.pieces import FloatArray
 from planners.problem import Limits, Plan, Problem
+from planners.replay.metrics import measure
 from planners.splines import SPLINES
 from planners.splines.allocation import ALLOCATIONS, allocate
-from planners.trajectory import Trajectory
+from planners.trajectories.motion import Motion
+from planners.trajectories.pieces import FloatArray
+from planners.trajectories.trajectory import Trajectory
 from rig.errors import ConfigError
 from rig.run.config import Experiment
 from rig.run.toml_file import nearest, read_text

@@ -9,9 +9,9 @@ from planners.laws import LAWS
 from planners.laws.catalogue import coefficients, minimum_time_s
 from planners.laws.rect_cascade import LIMITS, RectCascade
 from planners.models.pendulum import PendulumModel
-from planners.sensitivity import residual_amplitudes
-from planners.swing_free import FIRST, MOST_CYCLES, swing_free_cycles
-from planners.trajectory import Trajectory
+from planners.replay.wrong_parameters import residual_amplitudes
+from planners.spectra.swing_free import FIRST, MOST_CYCLES, swing_free_cycles
+from planners.trajectories.trajectory import Trajectory
 
 RECTS = {"trapezoidal": 2, "double_s": 3, "fifteen_segments": 4}  # laws whose shares of time follow from so many limits
 MET = 1e-9  # share by which a limit that is reached may be missed

@@ -1,1 +1,4 @@
-"""Sizing of a ball-screw axis: what its cycle asks for, every check, and the chart of diameters and leads."""
+"""Ball screw: demands of the cycle, every check, and the chart of diameters and leads.
+
+Imports planners only.
+"""

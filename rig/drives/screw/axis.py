@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
+from planners import bounds
 from planners.errors import PlanError
-from planners.laws import bounds
 from rig.drives.motor import Motor
 from rig.drives.screw.balls import Balls
 from rig.drives.screw.candidate import Candidate

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from planners import bounds
 from planners.errors import unknown_name
-from planners.laws import bounds
 
 BALLS_M_RPM = {"steel": (70.0, 120.0), "ceramic": (190.0, 220.0)}  # d x n that makers usually allow
 

@@ -10,10 +10,11 @@ from functools import cached_property
 
 import numpy as np
 
+from planners import bounds
 from planners.errors import PlanError, check_range, unknown_name
-from planners.laws import LAWS, bounds
+from planners.laws import LAWS
 from planners.laws.segments import integrated
-from planners.trajectory import Trajectory
+from planners.trajectories.trajectory import Trajectory
 from rig.drives.screw.instants import Instants, Phase, moving, resting
 
 TRAPEZOIDAL = "trapezoidal"

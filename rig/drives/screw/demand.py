@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planners.pieces import FloatArray
+from planners.trajectories.pieces import FloatArray
 from rig.drives.screw.cycle import Cycle
 from rig.drives.screw.instants import Instants, Phase
 from rig.drives.screw.life import equivalent_force_n

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planners.cells import resolve
-from planners.pieces import FloatArray, Piece
+from planners.trajectories.cells import resolve
+from planners.trajectories.pieces import FloatArray, Piece
 
 # Nodes of each phase: exact for constant acceleration. Else a loss bends the torque where the force changes sign, and means are
 # right to 1e-6 of cubed forces, 1e-5 of squared torques, 1e-3 of powers that drive or brake.

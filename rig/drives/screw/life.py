@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from planners.pieces import FloatArray
+from planners.trajectories.pieces import FloatArray
 
 REVOLUTIONS = 1e6  # for which the dynamic load is rated, at a survival of 90 %
 SECONDS = 3600.0

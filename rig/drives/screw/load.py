@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from planners import bounds
 from planners.errors import check_range
-from planners.laws import bounds
-from planners.pieces import FloatArray
+from planners.trajectories.pieces import FloatArray
 from rig.drives.screw.instants import Instants
 from rig.drives.screw.shaft import GRAVITY_M_S2
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from planners.pieces import FloatArray
+from planners.trajectories.pieces import FloatArray
 
 LIFT = 2.0**1.5  # times the preload: the force that unloads one half of the nut
 DRAG = 0.05  # of the preload's force times travel of a radian, at a lead angle of 45 degrees

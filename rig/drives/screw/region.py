@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planners.pieces import FloatArray
+from planners.trajectories.pieces import FloatArray
 from rig.drives.screw.axis import Axis
 from rig.drives.screw.candidate import Candidate
 from rig.drives.screw.life import least_lead_by_life_m

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from planners import bounds
 from planners.errors import check_range, unknown_name
-from planners.laws import bounds
-from planners.pieces import FloatArray
+from planners.trajectories.pieces import FloatArray
 from rig.drives.screw.instants import Instants
 from rig.drives.screw.load import AxisLoad
 from rig.drives.screw.shaft import BallScrew

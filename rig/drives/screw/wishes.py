@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from planners import bounds
 from planners.errors import PlanError, check_range
-from planners.laws import bounds
 from rig.drives.screw.lead_classes import lead_class
 
 

@@ -1,1 +1,4 @@
-"""Drive controllers without input or output: each is designed once, then takes one step a sample."""
+"""Servo controllers without input or output: designed once, then one step a sample.
+
+Imports planners only.
+"""

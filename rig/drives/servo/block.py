@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from planners.pieces import FloatArray
+from planners.trajectories.pieces import FloatArray
 from rig.drives.servo.errors import Improper, ServoError, check_below_nyquist, check_range
 
 SHORTEST_S, LONGEST_S = 1e-7, 10.0  # of a drive's sample time

@@ -14,7 +14,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from planners.pieces import ComplexArray, FloatArray
+from planners.trajectories.pieces import ComplexArray, FloatArray
 from rig.drives.servo.errors import Improper, ServoError, check_datum, check_range
 from rig.drives.servo.loops import Mode, modes
 from rig.drives.servo.two_mass import TwoMass

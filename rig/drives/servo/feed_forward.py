@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planners.errors import unknown_name
-from planners.pieces import FloatArray
+from planners.trajectories.pieces import FloatArray
 from rig.drives.servo.block import check_period
 from rig.drives.servo.errors import Improper, ServoError, check_range
 from rig.drives.servo.state_feedback import Feedback

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from planners.pieces import ComplexArray, FloatArray
+from planners.trajectories.pieces import ComplexArray, FloatArray
 from rig.drives.servo.errors import ServoError
 
 DELAY = 1e-9  # of a discrete pole that counts as 0

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from planners.pieces import FloatArray
+from planners.trajectories.pieces import FloatArray
 from rig.drives.servo.errors import check_range
 from rig.drives.servo.estimator import ENCODER, Estimator, SampledEstimator
 from rig.drives.servo.feed_forward import Lead, LoadFilter, lead

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from planners.pieces import FloatArray
+from planners.trajectories.pieces import FloatArray
 from rig.drives.servo.block import check_period, discretise
 from rig.drives.servo.errors import ServoError, check_below_nyquist, check_datum, check_range
 from rig.drives.servo.loops import Mode

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planners.pieces import FloatArray
+from planners.trajectories.pieces import FloatArray
 from rig.drives.servo.errors import NotObservable, NotReachable, ServoError
 from rig.drives.servo.two_mass import TwoMass
 

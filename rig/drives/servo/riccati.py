@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from planners.pieces import FloatArray
+from planners.trajectories.pieces import FloatArray
 from rig.drives.servo.errors import ServoError
 from rig.drives.servo.reachability import Units
 

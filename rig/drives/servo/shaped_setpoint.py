@@ -20,8 +20,8 @@ from typing import NamedTuple
 import numpy as np
 
 from planners.errors import unknown_name
-from planners.pieces import FloatArray
 from planners.shapers import SHAPERS, Shaper, convolve, insensitivity, residual
+from planners.trajectories.pieces import FloatArray
 from rig.drives.servo.block import check_period
 from rig.drives.servo.errors import BeyondNyquist, ServoError, check_below_nyquist, check_datum, check_range
 from rig.drives.servo.loops import Mode

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from planners.pieces import ComplexArray, FloatArray
+from planners.trajectories.pieces import ComplexArray, FloatArray
 from rig.drives.servo.block import check_period
 from rig.drives.servo.errors import PolesOutOfReach, ServoError, check_below_nyquist, check_range
 from rig.drives.servo.loops import Facts, facts

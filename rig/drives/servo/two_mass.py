@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from planners.pieces import ComplexArray, FloatArray
+from planners.trajectories.pieces import ComplexArray, FloatArray
 from rig.drives.servo.errors import ServoError, check_datum, check_range
 
 MAY_BE_ZERO = ("motor_friction_n_m_s_rad", "load_friction_n_m_s_rad", "elastic_damping_n_m_s_rad")

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from planners.pieces import ComplexArray
+from planners.trajectories.pieces import ComplexArray
 from rig.drives.servo.loops import Facts, continuous, facts
 from rig.drives.servo.two_mass import TwoMass
 

@@ -12,9 +12,9 @@ import numpy as np
 from comms.clock import utc_now
 from comms.messages import AngleSample
 from planners import catalog
-from planners.motion import Motion
 from planners.problem import Problem
-from planners.trajectory import Trajectory
+from planners.trajectories.motion import Motion
+from planners.trajectories.trajectory import Trajectory
 from rig.analysis.identify.offsets import OffsetCalibration, Watch, calibrate_offsets
 from rig.analysis.run_log import SETTLE_S, RunLog
 from rig.run.calibration.file import Calibration

@@ -8,7 +8,7 @@ from itertools import product
 from typing import Any, NamedTuple
 
 from planners.errors import unknown_name
-from planners.trajectory import Trajectory
+from planners.trajectories.trajectory import Trajectory
 from rig.drives.servo.loops import Facts
 from rig.drives.servo.wiring import position_loop
 from rig.errors import ConfigError

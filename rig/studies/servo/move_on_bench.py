@@ -8,8 +8,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from planners.pieces import FloatArray
-from planners.trajectory import Trajectory
+from planners.trajectories.pieces import FloatArray
+from planners.trajectories.trajectory import Trajectory
 from rig.drives.servo.setpoint import Controller, Setpoint
 from rig.errors import RunFailed
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from planners.pieces import FloatArray
+from planners.trajectories.pieces import FloatArray
 from rig.drives.servo.block import check_period
 from rig.drives.servo.cascade import Cascade, Where
 from rig.drives.servo.errors import ServoError, check_range

@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from planners.pieces import ComplexArray, FloatArray
+from planners.trajectories.pieces import ComplexArray, FloatArray
 from rig.drives.servo.disturbance_design import LowPass, Nominal, ObserverDesign, Place, Ratio
 from rig.drives.servo.errors import ServoError, check_datum
 from rig.drives.servo.loops import Mode, modes, swinging

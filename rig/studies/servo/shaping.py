@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 
 from planners.errors import unknown_name
-from planners.oscillator import MassChain, response
-from planners.pieces import FloatArray, add, polynomial
 from planners.shapers import SHAPERS, Shaper, residual, transform
-from planners.shaping import shape
-from planners.trajectory import Trajectory
+from planners.shapers.plan_shaped import shape
+from planners.spectra.oscillator import MassChain, response
+from planners.trajectories.pieces import FloatArray, add, polynomial
+from planners.trajectories.trajectory import Trajectory
 from rig.drives.servo.errors import ServoError, check_range
 from rig.drives.servo.loops import Mode
 from rig.drives.servo.shaped_setpoint import MOST_DAMPING, ShaperFacts, design, facts, rate_1_s

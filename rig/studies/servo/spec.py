@@ -13,7 +13,7 @@ import msgspec
 from msgspec import Meta
 
 from planners.laws.trapezoidal import trapezoidal_by_acceleration
-from planners.trajectory import Trajectory
+from planners.trajectories.trajectory import Trajectory
 from rig.drives.servo.two_mass import TwoMass
 from rig.errors import ConfigError
 from rig.run.toml_file import Section, convert, nearest, override, read_toml

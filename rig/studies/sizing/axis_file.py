@@ -11,8 +11,8 @@ from typing import Any, NamedTuple, TypeVar
 
 import msgspec
 
+from planners import bounds
 from planners.errors import PlanError, check_range, unknown_name
-from planners.laws import bounds
 from rig.drives.motor import Motor
 from rig.drives.screw.axis import Axis
 from rig.drives.screw.balls import Balls

@@ -11,7 +11,7 @@ import msgspec
 from planners.errors import unknown_name
 from planners.laws import LAWS
 from planners.laws.trapezoidal import trapezoidal_by_acceleration
-from planners.trajectory import Trajectory
+from planners.trajectories.trajectory import Trajectory
 from rig.drives.motor import Drivetrain, Motor
 from rig.errors import ConfigError
 from rig.run.toml_file import Section, convert

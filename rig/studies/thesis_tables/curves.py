@@ -11,8 +11,8 @@ import numpy as np
 from planners.catalog import plan
 from planners.models.model import Model
 from planners.problem import Problem
-from planners.sensitivity import residual_amplitudes
-from planners.trajectory import Trajectory
+from planners.replay.wrong_parameters import residual_amplitudes
+from planners.trajectories.trajectory import Trajectory
 from rig.studies.thesis_tables.loads import PENDULUM, TWO_BARS
 
 DISTANCE_M = 0.2

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from planners.metrics import swing_after
 from planners.models.model import Model
-from planners.pieces import FloatArray
+from planners.replay.metrics import swing_after
 from planners.replay.swing import Swing
-from planners.trajectory import Trajectory
+from planners.trajectories.pieces import FloatArray
+from planners.trajectories.trajectory import Trajectory
 from rig.studies.thesis_tables.source_metrics import InputNodes, respond
 
 INTERVALS = 2000  # of a move, to read the angles' peaks from: leaves 1e-6 of them where the acceleration steps, else 1e-8

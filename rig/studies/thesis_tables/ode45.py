@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from planners.pieces import FloatArray
+from planners.trajectories.pieces import FloatArray
 
 RELATIVE, ABSOLUTE = 1e-3, 1e-6  # tolerances the source left at their defaults
 REFINE = 4  # points reported for each step

@@ -7,7 +7,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from planners.models.model import StateSpace
-from planners.pieces import FloatArray
+from planners.trajectories.pieces import FloatArray
 
 SAMPLE_S = 0.5e-3  # of the source's simulations
 TERMS = 8  # of a series over one sample: the fastest plant here has |a| SAMPLE_S = 0.03, and 0.03^8/8! = 2e-17

@@ -13,9 +13,9 @@ from planners.boundary_value.linear import linear_problem
 from planners.catalog import PLANNERS, Planner
 from planners.errors import Infeasible
 from planners.models.model import Model, StateSpace
-from planners.pieces import FloatArray
 from planners.problem import Problem
-from planners.trajectory import Trajectory
+from planners.trajectories.pieces import FloatArray
+from planners.trajectories.trajectory import Trajectory
 from rig.studies.thesis_tables.exact import exact_metrics, states_along
 from rig.studies.thesis_tables.loads import PENDULUM, TWO_BARS
 from rig.studies.thesis_tables.nodes import FINE, shaped_nodes, shooting_nodes

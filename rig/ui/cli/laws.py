@@ -15,7 +15,7 @@ from planners.laws import LAWS
 from planners.laws.catalogue import Coefficients, catalogue
 from planners.laws.rect_cascade import LIMITS
 from planners.models.pendulum import PendulumModel
-from planners.swing_free import swing_free_cycles
+from planners.spectra.swing_free import swing_free_cycles
 from rig.errors import ConfigError
 from rig.run.config import LimitsSection, ModelSection
 from rig.studies.laws_under_limits import WORDS, LawMove, law_move, period_s

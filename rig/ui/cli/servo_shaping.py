@@ -14,8 +14,8 @@ from rig.studies.servo.shaping import UNPUBLISHED_NOTE
 from rig.ui.cli.output import out, plain_table, print_json, wide
 
 if TYPE_CHECKING:
-    from planners.pieces import FloatArray
     from planners.shapers import Shaper
+    from planners.trajectories.pieces import FloatArray
     from rig.studies.servo.shaping import Robustness, ShapingTask
 
 LEGEND = (

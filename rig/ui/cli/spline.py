@@ -13,15 +13,15 @@ import typer
 from rich.table import Table
 
 from planners.errors import unknown_name
-from planners.operations import within_limits
-from planners.pieces import FloatArray
 from planners.splines import SPLINES
 from planners.splines.allocation import ALLOCATIONS, allocate
 from planners.splines.analysis import NAMES, Analysis, analyse
 from planners.splines.blends import parabolic_blends
 from planners.splines.limits import OF_ORDER, AxisLimits
 from planners.splines.minimum_time import SHAPES, minimum_time
-from planners.trajectory import Trajectory
+from planners.trajectories.operations import within_limits
+from planners.trajectories.pieces import FloatArray
+from planners.trajectories.trajectory import Trajectory
 from rig.errors import REFUSED, ConfigError
 from rig.run.waypoints import AXES, Waypoints, read_waypoints
 from rig.ui.cli.output import out, print_json, wide, working

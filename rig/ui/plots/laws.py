@@ -8,13 +8,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from planners.law_spectra import law_spectrum
 from planners.laws import LAWS
 from planners.laws.catalogue import coefficients
-from planners.pieces import FloatArray
+from planners.spectra.law_spectra import law_spectrum
+from planners.spectra.swing_free import swing_free_cycles
 from planners.splines.limits import OF_ORDER, AxisLimits
-from planners.swing_free import swing_free_cycles
-from planners.trajectory import JUMP, Trajectory
+from planners.trajectories.pieces import FloatArray
+from planners.trajectories.trajectory import JUMP, Trajectory
 from rig.drives.motor import Motor, Verdict, operating_points, torque
 from rig.studies.sizing.motor_task import MotorTask
 

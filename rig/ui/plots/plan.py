@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from planners.problem import Plan
 from planners.replay import replay
-from planners.trajectory import Trajectory
+from planners.trajectories.trajectory import Trajectory
 
 AFTER_PERIODS = 2.0  # of the slowest mode, shown after the move
 COLOURS = ("#c62828", "#1565c0", "#2e7d32", "#ef6c00", "#6a1b9a")

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from planners.pieces import FloatArray
+from planners.trajectories.pieces import FloatArray
 from rig.drives.screw.axis import Axis
 from rig.drives.screw.limits import absolute_least_lead
 from rig.drives.screw.region import Line, Region, region

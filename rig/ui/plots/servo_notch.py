@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from planners.pieces import ComplexArray
+from planners.trajectories.pieces import ComplexArray
 from rig.studies.servo.notch import NotchTask, Placement, Response, placements, step_response
 
 COLOURS = {"none": "#212121", "inside": "#c62828", "upstream": "#2e7d32"}

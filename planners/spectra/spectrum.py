@@ -12,10 +12,10 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from planners.cells import Cells, resolve
 from planners.errors import PlanError
-from planners.pieces import FloatArray
-from planners.trajectory import Trajectory
+from planners.trajectories.cells import Cells, resolve
+from planners.trajectories.pieces import FloatArray
+from planners.trajectories.trajectory import Trajectory
 
 ComplexArray: TypeAlias = NDArray[np.complex128]
 

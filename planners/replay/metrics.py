@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planners.cells import exponential_integral
 from planners.models.model import Model
-from planners.pieces import FloatArray
 from planners.problem import Metrics, Problem
 from planners.replay import replay
-from planners.trajectory import Trajectory
+from planners.trajectories.cells import exponential_integral
+from planners.trajectories.pieces import FloatArray
+from planners.trajectories.trajectory import Trajectory
 
 
 def measure(problem: Problem, trajectory: Trajectory) -> Metrics:

@@ -9,10 +9,10 @@ from math import comb
 
 import numpy as np
 
+from planners import bounds
 from planners.errors import PlanError, check_range
-from planners.laws import bounds
-from planners.pieces import ExpPolynomial, FloatArray, Mode, Number, Piece, Smooth, add_closed, polynomial
-from planners.trajectory import JUMP, Trajectory
+from planners.trajectories.pieces import ExpPolynomial, FloatArray, Mode, Number, Piece, Smooth, add_closed, polynomial
+from planners.trajectories.trajectory import JUMP, Trajectory
 
 HIGHEST_ORDER = 8  # derivatives of a composition
 SLIVER = 1e-12  # of the duration; instants closer than this are one

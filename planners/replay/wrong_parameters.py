@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planners.cells import exponential_integral, resolve
 from planners.errors import PlanError, unknown_name
 from planners.models.model import Model
-from planners.pieces import ComplexArray, FloatArray, Piece, Smooth
-from planners.trajectory import Trajectory
+from planners.trajectories.cells import exponential_integral, resolve
+from planners.trajectories.pieces import ComplexArray, FloatArray, Piece, Smooth
+from planners.trajectories.trajectory import Trajectory
 
 SAMPLES_PER_RADIAN = 50.0  # of the fastest mode: a parabola through each leaves 1e-6 of a peak
 RELATIVE, ABSOLUTE = 1e-9, 1e-11  # of a step of the nonlinear integration: a move ends within 1e-8 rad

@@ -14,11 +14,12 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
+from planners import bounds
 from planners.errors import PlanError, unknown_name
-from planners.laws import LAWS, bounds
+from planners.laws import LAWS
 from planners.laws.fourier import FREUDENSTEIN_1_3, FREUDENSTEIN_1_3_5, GUTMAN_1_3
-from planners.pieces import FloatArray
-from planners.spectrum import spectrum_by_cycles
+from planners.spectra.spectrum import spectrum_by_cycles
+from planners.trajectories.pieces import FloatArray
 
 
 def polynomial_spectrum(n: int, cycles: ArrayLike) -> FloatArray:

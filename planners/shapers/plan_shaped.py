@@ -11,10 +11,10 @@ import numpy as np
 
 from planners.errors import Infeasible, PlanError, unknown_name
 from planners.laws import LAWS
-from planners.pieces import Piece, add, polynomial
 from planners.problem import Problem
 from planners.shapers import SHAPERS, Shaper, convolve, joint
-from planners.trajectory import Trajectory
+from planners.trajectories.pieces import Piece, add, polynomial
+from planners.trajectories.trajectory import Trajectory
 
 MOST_IMPULSES = 600  # every copy of the law is a piece of every interval: this takes about a second
 SLIVER = 1e-12  # of the duration; breaks closer than this are one

@@ -5,7 +5,7 @@ from __future__ import annotations
 from planners.errors import PlanError
 from planners.laws import LAWS
 from planners.problem import Problem
-from planners.trajectory import Trajectory
+from planners.trajectories.trajectory import Trajectory
 
 
 def plan_law(problem: Problem) -> Trajectory:

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from planners.errors import PlanError
-from planners.pieces import FloatArray
-from planners.spectrum import transform
-from planners.trajectory import Trajectory
+from planners.spectra.spectrum import transform
+from planners.trajectories.pieces import FloatArray
+from planners.trajectories.trajectory import Trajectory
 
 ROUNDING = 1e-12  # of the duration; a period shorter by less is meant to be the duration
 

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planners.errors import PlanError
-from planners.pieces import FloatArray
-from planners.spectrum import ComplexArray, transform
-from planners.trajectory import Trajectory
+from planners.spectra.spectrum import ComplexArray, transform
+from planners.trajectories.pieces import FloatArray
+from planners.trajectories.trajectory import Trajectory
 
 SIGN = 1e-100  # stands for an exact zero on the edge of a cycle, so that it is crossed once
 NODES = 24  # over one cycle a spectrum has no finer detail: its 24th Chebyshev term is below (pi/4)^24 2 / 24! = 1e-26

@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planners.cells import Polynomials, resolve
 from planners.errors import PlanError
-from planners.pieces import FloatArray, Piece, add, polynomial
+from planners.trajectories.cells import Polynomials, resolve
+from planners.trajectories.pieces import FloatArray, Piece, add, polynomial
 
 MANY = 16  # plain polynomials: so many pieces are worth a table
 BLOCK = 8192  # instants of a piece looked at together: a million stay in the cache, a third faster

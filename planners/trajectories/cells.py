@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planners.errors import PlanError
-from planners.pieces import ComplexArray, ExpPolynomial, FloatArray, Piece, Smooth
+from planners.trajectories.pieces import ComplexArray, ExpPolynomial, FloatArray, Piece, Smooth
 
 TERMS = 16
 TAIL = 1e-13  # a smooth cell is resolved when its last terms are below this share of the largest value

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from planners.errors import unknown_name
-from planners.pieces import FloatArray
-from planners.trajectory import Trajectory
+from planners.trajectories.pieces import FloatArray
+from planners.trajectories.trajectory import Trajectory
 
 AXES = ("x", "y", "z")
 

@@ -9,12 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planners.driven import accelerations, driven, real_part
 from planners.errors import PlanError
 from planners.models.model import Model
-from planners.pieces import ExpPolynomial, FloatArray, Piece
-from planners.spectrum import ComplexArray, speed_steps, transform
-from planners.trajectory import Trajectory
+from planners.spectra.spectrum import ComplexArray, speed_steps, transform
+from planners.trajectories.driven import accelerations, driven, real_part
+from planners.trajectories.pieces import ExpPolynomial, FloatArray, Piece
+from planners.trajectories.trajectory import Trajectory
 
 MOST_ALIKE = 1e6  # condition of the mode shapes; what they add up to is then good to 1e-10
 

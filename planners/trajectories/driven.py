@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from itertools import zip_longest
 from typing import NamedTuple
 
-from planners.cells import resolve
-from planners.pieces import ExpPolynomial, Mode, Piece, exponential_integral, polynomial, polynomial_integral
+from planners.trajectories.cells import resolve
+from planners.trajectories.pieces import ExpPolynomial, Mode, Piece, exponential_integral, polynomial, polynomial_integral
 
 
 class Term(NamedTuple):

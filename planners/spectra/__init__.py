@@ -1,0 +1,4 @@
+"""Acceleration spectra of motions, and durations with zero residual vibration.
+
+Imports trajectories, laws and models.
+"""
