@@ -8,8 +8,6 @@ from hypothesis import settings
 
 os.environ.pop("COLUMNS", None)  # consoles made under it would keep its width whatever a test sets
 
-from rig.ui.cli import main as command_line
-
 settings.register_profile("swayless", deadline=None)  # a busy machine is no failure
 settings.load_profile("swayless")
 
@@ -17,6 +15,8 @@ settings.load_profile("swayless")
 @pytest.fixture
 def rig(monkeypatch, capsys, tmp_path):
     """Call `rig ...` in an empty folder; gives exit code, stdout, stderr."""
+    from rig.ui.cli import main as command_line  # a test of one room loads that room, not the whole product
+
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "160")
 

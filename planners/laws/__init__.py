@@ -1,6 +1,7 @@
 """Motion laws from 0 to 1, rest to rest: one table, law(duration_s) -> Trajectory.
 
-Imports trajectories, planners/bounds.py and planners/errors.py. A move of any size, sign and place is LAWS[name](duration_s).scaled(distance_m).shifted(start_m); 0 m stands still.
+Imports trajectories, planners/bounds.py and planners/errors.py.
+A move of any size, sign and place is LAWS[name](duration_s).scaled(distance_m).shifted(start_m); 0 m stands still.
 """
 
 from __future__ import annotations

@@ -1,0 +1,327 @@
+"""One task behind real sockets: admitted, ordered, answered, accounted for, and never left alone with the robot."""
+
+from __future__ import annotations
+
+import gc
+import select
+import threading
+from collections.abc import Iterator
+
+import pytest
+import zmq
+
+from comms import frames, operator_bus, runner
+from comms.channels import DATA
+from comms.clock import MonotonicClock, new_run_clock
+from comms.codec import Closing, decode, encode, encode_closing
+from comms.link import LinkCount, LinkFaults, LinkModel, settle
+from comms.messages import Command, Message, Phase, Reference, Reply, RobotState, Truth, Verb
+from comms.operator_bus import Context, Farewell, Hello, OperatorBus, Record, Tapped
+from comms.records import LinkRow, Receipts, Timing
+from comms.runner import ORPHANED, WallRunner, Wiring
+from comms.task import NOTHING, Send, Step
+from comms.udp import UdpReceiver, UdpSender, free_port
+from tests.comms.wire_words import SESSION, Gate
+
+HOST, MS = "127.0.0.1", 1_000_000
+LOOKS, LOOK_MS = 250, 20  # five seconds in all; only a failure takes them
+PACKETS = 40
+LOSSY = LinkFaults(loss=0.3, delay_ms=15.0)
+ZERO = (0.0, 0.0, 0.0)
+
+
+class Echo:
+    """A controller that answers each Reference with a RobotState of the same number, and says a last one when stopped."""
+
+    name = "controller"
+
+    def __init__(self) -> None:
+        self.late_ticks = 0
+        self.started = self.stopped = False
+        self.wakes: list[tuple[int, int]] = []  # asked for, served at
+
+    def start(self, t_ns: int) -> Step:
+        """Ask for the first tick."""
+        self.started, self._asked_ns = True, t_ns + 5 * MS
+        return Step(wake_ns=self._asked_ns)
+
+    def on_message(self, channel: str, message: Message, t_ns: int) -> Step:
+        """Answer orders by their verb, references by their number; estop is a wish to end with code 4."""
+        if isinstance(message, Command):
+            text = message.verb.value
+            reply = Reply(seq=0, t_ns=t_ns, id=message.id, sender=self.name, ok=True, phase=Phase.ARMED, text=text)
+            return Step([Send("reply", reply, t_ns)], exit=4 if message.verb is Verb.ESTOP else None)
+        return Step([Send("robot_state", state(message.seq, t_ns), t_ns)])
+
+    def on_tick(self, t_ns: int) -> Step:
+        """Note the time and ask again."""
+        self.wakes.append((self._asked_ns, t_ns))
+        self._asked_ns = t_ns + 5 * MS
+        return Step(wake_ns=self._asked_ns)
+
+    def stop(self, t_ns: int) -> Step:
+        """The last word."""
+        self.stopped = True
+        return Step([Send("robot_state", state(PACKETS, t_ns), t_ns)])
+
+
+class Bench(Echo):
+    """A simulated bench that tells one truth when asked for its status."""
+
+    name = "bench"
+
+    def on_message(self, channel: str, message: Message, t_ns: int) -> Step:
+        """The reply of an echo, and the truth."""
+        truth = Truth(seq=0, t_ns=t_ns, angle_rad=0.1, angular_velocity_rad_s=0.0, position_m=ZERO, velocity_m_s=ZERO)
+        step = super().on_message(channel, message, t_ns)
+        return step._replace(sends=[Send("truth", truth, t_ns), *step.sends])
+
+    def stop(self, t_ns: int) -> Step:
+        """Nothing to say."""
+        return NOTHING
+
+
+def state(seq: int, t_ns: int) -> RobotState:
+    """A robot that stands still."""
+    return RobotState(
+        seq=seq, t_ns=t_ns, t_actual_ns=t_ns, commanded_m=ZERO, actual_m=ZERO, actual_velocity_m_s=ZERO, phase=Phase.ARMED
+    )
+
+
+def reference(seq: int) -> bytes:
+    """A reference as it travels."""
+    return encode("reference", Reference(seq=seq, t_ns=0, t_target_ns=0, position_m=ZERO), SESSION)
+
+
+class Operator:
+    """The test's side of a run: the bus, the other ends of the channels, and the runner in a thread."""
+
+    def __init__(self, context: Context, task: Echo) -> None:
+        self.bus, self.task = OperatorBus(context, HOST), task
+        self.clock: MonotonicClock = new_run_clock()
+        self.states = UdpReceiver(HOST, 0, "robot_state")
+        self.ports = {name: free_port(HOST, udp=name != "frame") for name in DATA}
+        self.ports["robot_state"] = self.states.port
+        self.heard: list[object] = []
+        self.exit_codes: list[int] = []
+        self._thread: threading.Thread | None = None
+
+    def launch(self) -> None:
+        """Start the runner in a thread."""
+        wiring = Wiring(
+            session=SESSION,
+            seed=5,
+            zero_ns=self.clock.zero_ns,
+            host=HOST,
+            ports=self.ports,
+            commands=self.bus.commands,
+            taps=self.bus.taps,
+            pictures=self.bus.pictures,
+            faults={"robot_state": LOSSY},
+        )
+        wall = WallRunner(self.task, wiring, self.clock)
+        self._thread = threading.Thread(target=lambda: self.exit_codes.append(wall.run()))
+        self._thread.start()
+
+    def order(self, verb: Verb, number: int) -> None:
+        """Send a command."""
+        self.bus.send(Command(seq=number, t_ns=self.clock.now_ns(), id=number, to=self.task.name, verb=verb))
+
+    def hears(self, wanted: type, count: int = 1) -> None:
+        """Listen until so many of a kind were said; once the task is there, live."""
+        for _ in range(LOOKS):
+            self.heard += [said for _, said in self.bus.drain()]
+            if len(self.all(wanted)) >= count:
+                return
+            if self.all(Hello):
+                self.bus.heartbeat(self.task.name)
+            self.bus.wait(LOOK_MS)
+        pytest.fail(f"{count} x {wanted.__name__} wanted, heard {self.heard}")
+
+    def all(self, wanted: type) -> list[object]:
+        """Everything of a kind that was said; a record by its own kind."""
+        said = [word.record if isinstance(word, Record) else word for word in self.heard]
+        return [word for word in said if isinstance(word, wanted)]
+
+    def rows(self) -> dict[str, LinkCount]:
+        """The link rows of the closing report."""
+        return {row.channel: row.count for row in self.all(LinkRow) if isinstance(row, LinkRow)}
+
+    def exit_code(self) -> int:
+        """What the runner returned."""
+        assert self._thread is not None
+        self._thread.join(LOOKS * LOOK_MS / 1000)
+        assert not self._thread.is_alive()
+        return self.exit_codes[0]
+
+
+@pytest.fixture
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody closes the task's inputs or takes its frames: do not wait long for that."""
+    monkeypatch.setattr(runner, "DRAIN_NS", 20 * MS)
+    monkeypatch.setattr(frames, "LINGER_MS", 0)
+
+
+@pytest.fixture
+def alone(quick: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody hears the closing report either, and the bounds of a lab fit the time of a test."""
+    monkeypatch.setattr(operator_bus, "LINGER_MS", 0)
+    monkeypatch.setattr(runner, "OPERATOR_SILENT_NS", 100 * MS)
+    monkeypatch.setattr(runner, "ADMISSION_NS", 100 * MS)
+
+
+def operator_of(task: Echo) -> Iterator[Operator]:
+    """An operator and the end of everything after the test."""
+    context: Context = zmq.Context()
+    operator = Operator(context, task)
+    yield operator
+    operator.states.close()
+    operator.bus.close()
+    context.destroy(0)
+    gc.unfreeze()  # the runner freezes what it finds in its process
+
+
+@pytest.fixture
+def operator() -> Iterator[Operator]:
+    """The operator of an echoing controller."""
+    yield from operator_of(Echo())
+
+
+@pytest.fixture
+def bench_operator(quick: None) -> Iterator[Operator]:
+    """The operator of a bench."""
+    yield from operator_of(Bench())
+
+
+def echoes(operator: Operator) -> tuple[Gate, list[RobotState], list[int], Closing]:
+    """What comes back on robot_state, up to the closing datagram, through a gate like the streamer's."""
+    gate, got, ages_ns = Gate("robot_state"), list[RobotState](), list[int]()
+    for _ in range(LOOKS):
+        select.select([operator.states], [], [], LOOK_MS / 1000)
+        for data in operator.states.drain():
+            now_ns = operator.clock.now_ns()
+            said = decode("robot_state", data, SESSION)
+            if isinstance(said, Closing):
+                return gate, got, ages_ns, said
+            message, _ = gate.admit(said, now_ns, late_ns=10**9)
+            if isinstance(message, RobotState):
+                got.append(message)
+                ages_ns.append(now_ns - message.t_ns)
+    pytest.fail(f"no closing datagram after {len(got)} echoes")
+
+
+def close_inputs(operator: Operator, references: UdpSender, count: int) -> None:
+    """Say on both of the controller's inputs that nothing more comes."""
+    references.send(encode_closing("reference", count, 0, SESSION))
+    joints = UdpSender(HOST, operator.ports["joint_state"])
+    joints.send(encode_closing("joint_state", 0, 0, SESSION))
+    joints.close()
+
+
+def test_a_task_is_admitted_ordered_answered_and_leaves_a_balanced_ledger(operator: Operator) -> None:
+    operator.launch()
+    operator.hears(Hello)
+    assert not operator.task.started  # not before the first heartbeat
+    operator.bus.heartbeat("controller")
+    operator.order(Verb.STATUS, 7)
+    operator.hears(Reply)
+    assert [(r.id, r.text) for r in operator.all(Reply) if isinstance(r, Reply)] == [(7, "status")]
+
+    references = UdpSender(HOST, operator.ports["reference"])
+    sent = [reference(seq) for seq in range(PACKETS)]
+    for data in (*sent, sent[-1], sent[0][:-1], reference(0)[:-4] + b"\0\0\0\0"):  # a copy, one cut, one with a wrong CRC
+        references.send(data)
+    operator.hears(Tapped, PACKETS)
+    close_inputs(operator, references, PACKETS + 3)
+    references.close()
+    operator.order(Verb.CLOSE, 8)
+    gate, got, ages_ns, closing = echoes(operator)
+    operator.hears(Farewell, 2)
+    assert operator.exit_code() == 0
+    assert operator.task.stopped
+
+    rows = operator.rows()
+    assert rows.keys() == {"reference", "joint_state", "setpoint", "robot_state", "platform"}
+    assert rows["reference"] == LinkCount(
+        delivered=PACKETS, late=rows["reference"].late, duplicated=1, rejected={"length": 1, "crc": 1}
+    )
+    assert settle(LinkCount(sent=PACKETS + 1), rows["reference"]).unexplained == 0  # copy and cut one are nobody's
+    model = LinkModel(LOSSY, 5, 6)
+    kept = [seq for seq in range(PACKETS + 1) if model.delay_ns(seq) is not None]
+    assert [message.seq for message in got] == kept  # the last word among them, sent while it stopped
+    assert rows["robot_state"] == LinkCount(sent=PACKETS + 1, lost_link=PACKETS + 1 - len(kept))
+    assert closing == Closing(len(kept))
+    assert settle(rows["robot_state"], gate.count).unexplained == 0
+    assert min(ages_ns) >= 15 * MS  # the delay asked for; never early
+
+
+def test_every_message_is_tapped_once_and_every_receipt_is_written(operator: Operator) -> None:
+    operator.launch()
+    operator.hears(Hello)
+    references = UdpSender(HOST, operator.ports["reference"])
+    for seq in (0, 2, 1, 2):
+        references.send(reference(seq))
+    operator.hears(Tapped, 2)
+    close_inputs(operator, references, 4)
+    references.close()
+    operator.order(Verb.CLOSE, 1)
+    operator.hears(Farewell, 2)
+    assert operator.exit_code() == 0
+    operator.hears(Tapped, 3)
+    taps = [decode(tap.channel, tap.data, SESSION) for tap in operator.all(Tapped) if isinstance(tap, Tapped)]
+    assert [tap.seq for tap in taps if isinstance(tap, RobotState)] == [0, 2, PACKETS]  # also those the link then lost
+    rows = [row for word in operator.all(Receipts) if isinstance(word, Receipts) for row in word.rows]
+    assert [(seq, outcome) for seq, _, outcome in rows] == [(0, ""), (2, ""), (1, "old"), (2, "duplicate")]
+
+
+def test_no_tick_comes_early_and_the_lateness_of_each_is_told(operator: Operator, quick: None) -> None:
+    operator.launch()
+    operator.hears(Hello)
+    operator.hears(Timing)
+    operator.order(Verb.CLOSE, 1)
+    operator.hears(Farewell, 2)
+    assert operator.exit_code() == 0
+    told = [late for word in operator.all(Timing) if isinstance(word, Timing) for late in word.lateness_ns]
+    wakes = operator.task.wakes
+    assert all(asked_ns <= served_ns for asked_ns, served_ns in wakes)
+    assert told == [served_ns - asked_ns for asked_ns, served_ns in wakes]
+
+
+def test_a_task_may_end_the_run_with_a_code_of_its_own(operator: Operator, quick: None) -> None:
+    operator.launch()
+    operator.hears(Hello)
+    operator.bus.heartbeat("controller")
+    operator.order(Verb.ESTOP, 1)
+    operator.hears(Farewell, 2)
+    assert operator.exit_code() == 4
+
+
+def test_the_truth_goes_to_the_operator_and_into_the_ledger(bench_operator: Operator) -> None:
+    operator = bench_operator
+    operator.launch()
+    operator.hears(Hello)
+    operator.bus.heartbeat("bench")
+    operator.order(Verb.STATUS, 1)
+    operator.hears(Tapped)
+    operator.order(Verb.CLOSE, 2)
+    operator.hears(Farewell, 2)
+    assert operator.exit_code() == 0
+    assert [tap.channel for tap in operator.all(Tapped) if isinstance(tap, Tapped)] == ["truth"]
+    assert operator.rows()["truth"] == LinkCount(sent=1)
+
+
+def test_a_task_whose_operator_vanishes_stops_and_leaves(operator: Operator, alone: None) -> None:
+    operator.launch()
+    operator.hears(Hello)
+    operator.bus.heartbeat("controller")
+    operator.order(Verb.STATUS, 1)
+    operator.hears(Reply)
+    operator.bus.close()
+    assert operator.exit_code() == ORPHANED == 5
+    assert operator.task.stopped
+
+
+def test_a_task_that_no_operator_ever_admits_leaves_without_having_begun(operator: Operator, alone: None) -> None:
+    operator.launch()
+    assert operator.exit_code() == ORPHANED
+    assert not operator.task.started
