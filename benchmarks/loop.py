@@ -88,7 +88,9 @@ def loop(job: Job, timed: bool) -> tuple[float, dict[str, float]]:
     watched = [Timed(task) for task in tasks] if timed else []
     e = job.experiment
     with tempfile.TemporaryDirectory() as folder:
-        recorder = (TimedRecorder if timed else Recorder)(Path(folder) / "run.mcap", {}, job.attachments())
+        recorder = (TimedRecorder if timed else Recorder)(
+            Path(folder) / "run.mcap", {}, job.attachments()
+        )
         runner = VirtualRunner(
             tasks=watched or tasks,
             operator=operator,
@@ -102,12 +104,16 @@ def loop(job: Job, timed: bool) -> tuple[float, dict[str, float]]:
         seconds = _timed(runner.run)
         recorder.close({}, {}, 0)
     spent = {task.name: task.spent_s for task in watched}
-    return seconds, spent | ({"log": recorder.spent_s} if isinstance(recorder, TimedRecorder) else {})
+    return seconds, spent | (
+        {"log": recorder.spent_s} if isinstance(recorder, TimedRecorder) else {}
+    )
 
 
 def tracker() -> tuple[float, float]:
     """Median seconds a frame, following and cold, on frames of a load swinging by 20 degrees."""
-    chosen = config.load("free_decay", ["bench.pendulum.initial_swing_rad=0.349", "bench.camera.pitch_deg=0"])
+    chosen = config.load(
+        "free_decay", ["bench.pendulum.initial_swing_rad=0.349", "bench.camera.pitch_deg=0"]
+    )
     world = bench.task(prepare(chosen, None, bench.plant(chosen)).settings["bench"])
     sends = list(world.start(0).sends)
     for t in range(5, FRAMES * 20, 5):
@@ -124,7 +130,9 @@ def tracker() -> tuple[float, float]:
         eye.forget()
         eye.measure(frame, pivot)
 
-    return statistics.median(following), statistics.median(_timed(lambda f=f: cold(f)) for f in frames)
+    return statistics.median(following), statistics.median(
+        _timed(lambda f=f: cold(f)) for f in frames
+    )
 
 
 def _timed(call: Callable[[], Any]) -> float:
@@ -136,15 +144,23 @@ def _timed(call: Callable[[], Any]) -> float:
 def main() -> None:
     """Print all of it."""
     print(f"interpreter: sum(range(1000)) in {interpreter_us():.1f} us")
-    for name, changes in (("with camera and log", []), ("without camera, with log", ["camera.rate_hz=0"])):
+    for name, changes in (
+        ("with camera and log", []),
+        ("without camera, with log", ["camera.rate_hz=0"]),
+    ):
         chosen = config.load("move", changes)
         job = prepare(chosen, plan_move(chosen), bench.plant(chosen))
         seconds = statistics.median(loop(job, timed=False)[0] for _ in range(REPEATS))
         whole, spent = loop(job, timed=True)
         rest = whole - sum(spent.values())
-        shares = ", ".join(f"{who} {part / whole:.0%}" for who, part in sorted(spent.items(), key=lambda item: -item[1]))
+        shares = ", ".join(
+            f"{who} {part / whole:.0%}"
+            for who, part in sorted(spent.items(), key=lambda item: -item[1])
+        )
         speed = job.plan.duration_s / seconds
-        print(f"virtual loop {name}: {seconds * 1e3:.0f} ms for {job.plan.duration_s:g} s of rig: {speed:.0f}x real time")
+        print(
+            f"virtual loop {name}: {seconds * 1e3:.0f} ms for {job.plan.duration_s:g} s of rig: {speed:.0f}x real time"
+        )
         print(f"    where it goes: {shares}, scheduler, codec and digest {rest / whole:.0%}")
     following, cold = tracker()
     for name, seconds in (("following the cable", following), ("cold, full frame", cold)):

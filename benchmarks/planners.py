@@ -52,9 +52,15 @@ def main() -> None:
     except ImportError:
         casadi = None
         print("CasADi is not installed (make bench installs it); its columns stay empty")
-    print(f"interpreter: sum(range(1000)) takes {_median(lambda: sum(range(1000)), 500) * 1e6:.1f} us\n")
-    print("us: coefficients (Gramian and solve), plan, plan and 1001 positions, the same plan by matrix_exponential;")
-    print("ms: solve_bvp, IPOPT and its building; ratios: solve_bvp and IPOPT over plan and 1001 positions")
+    print(
+        f"interpreter: sum(range(1000)) takes {_median(lambda: sum(range(1000)), 500) * 1e6:.1f} us\n"
+    )
+    print(
+        "us: coefficients (Gramian and solve), plan, plan and 1001 positions, the same plan by matrix_exponential;"
+    )
+    print(
+        "ms: solve_bvp, IPOPT and its building; ratios: solve_bvp and IPOPT over plan and 1001 positions"
+    )
     print(HEAD)
     problems = [(name, _problem(m, i, r, t)) for name, m, i, r, times in CASES for t in times]
     for name, problem in problems:
@@ -97,7 +103,9 @@ def _all_solvers(problems: list[tuple[str, Problem]]) -> None:
                 refused.append(f"{name} {problem.time_s:g}")
         spent = stopwatch_s() - began
         total += spent
-        print(f"{planner:20s}{spent:8.3f} s   {f'refused: {len(refused)}: ' + ', '.join(refused) if refused else ''}")
+        print(
+            f"{planner:20s}{spent:8.3f} s   {f'refused: {len(refused)}: ' + ', '.join(refused) if refused else ''}"
+        )
     print(f"{'together':20s}{total:8.3f} s")
 
 
@@ -121,7 +129,9 @@ def _solve_bvp(linear: LinearProblem) -> None:
 
 def _casadi(casadi: Any, linear: LinearProblem) -> Callable[[], Any]:
     n, h = len(linear.start), linear.time_s / INTERVALS
-    slopes, ends, weights = (np.array(m) for m in casadi.collocation_coeff(casadi.collocation_points(DEGREE, "legendre")))
+    slopes, ends, weights = (
+        np.array(m) for m in casadi.collocation_coeff(casadi.collocation_points(DEGREE, "legendre"))
+    )
     x = casadi.MX.sym("x", n)
     variables, constraints, cost = [x], [x - linear.start], 0
     for k in range(INTERVALS):

@@ -30,16 +30,24 @@ AHEAD = [Setpoint(0.1 * k, 100.0, 10.0) for k in range(STEPS)]
 def main() -> None:
     """Measure and print."""
     spec = load(None)
-    print(f"interpreter: sum(range(1000)) takes {_median(lambda: sum(range(1000)), 500) * 1e6:.1f} us\n")
+    print(
+        f"interpreter: sum(range(1000)) takes {_median(lambda: sum(range(1000)), 500) * 1e6:.1f} us\n"
+    )
     print(f"{'controller':14s}{'us a step':>10s}")
     for name, design in CONTROLLERS.items():
         print(f"{name:14s}{_step_s(design(spec).controller) * 1e6:10.2f}")
     own, peer = _step_s(lqg(spec).controller), _python_control_s(spec)
-    print(f"\nlqg, one step: {own * 1e6:.2f} us; the same system by python-control {peer * 1e6:.1f} us: {peer / own:.0f} times")
+    print(
+        f"\nlqg, one step: {own * 1e6:.2f} us; the same system by python-control {peer * 1e6:.1f} us: {peer / own:.0f} times"
+    )
     for truth in spec.truth:
-        print(f"joint, one sample of {spec.drive.period_s * 1e3:g} ms, truth {truth}: {_sample_s(spec, truth) * 1e6:.1f} us")
+        print(
+            f"joint, one sample of {spec.drive.period_s * 1e3:g} ms, truth {truth}: {_sample_s(spec, truth) * 1e6:.1f} us"
+        )
     own, peer = _sample_s(spec, "listed"), _solve_ivp_s(spec)
-    print(f"solve_ivp through the same sample of the listed joint: {peer * 1e6:.0f} us: {peer / own:.0f} times")
+    print(
+        f"solve_ivp through the same sample of the listed joint: {peer * 1e6:.0f} us: {peer / own:.0f} times"
+    )
 
 
 def _step_s(controller: Controller) -> float:
@@ -63,7 +71,10 @@ def _python_control_s(spec: ServoSpec) -> float:
 
 
 def _sample_s(spec: ServoSpec, truth: str) -> float:
-    joint, torques = bench.elastic_joint(spec.truth_tables(truth), 1), itertools.cycle((0.5, 0.9, -0.2))
+    joint, torques = (
+        bench.elastic_joint(spec.truth_tables(truth), 1),
+        itertools.cycle((0.5, 0.9, -0.2)),
+    )
 
     def samples() -> None:
         for _ in range(200):
@@ -77,7 +88,12 @@ def _solve_ivp_s(spec: ServoSpec) -> float:
     a, b = spec.joint.state_matrix, spec.joint.input_matrix[:, 0]
     state = np.array([1.0, 100.0, 0.9, 99.0])
     span = (0.0, spec.drive.period_s)
-    return _median(lambda: solve_ivp(lambda _, x: a @ x + b * 0.5, span, state, method="DOP853", rtol=1e-12, atol=1e-12), 50)
+    return _median(
+        lambda: solve_ivp(
+            lambda _, x: a @ x + b * 0.5, span, state, method="DOP853", rtol=1e-12, atol=1e-12
+        ),
+        50,
+    )
 
 
 def _median(call: Callable[[], object], repeats: int) -> float:

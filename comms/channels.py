@@ -33,16 +33,56 @@ class Channel(NamedTuple):
 
 
 CHANNELS: dict[str, Channel] = {
-    "command": Channel(1, messages.Command, "operator", "each task", Transport.BUS, 0, 1000, "arm, start, stop, status, close"),
-    "reply": Channel(2, messages.Reply, "each task", "operator", Transport.BUS, 0, 1000, "the answer, with the command's id"),
+    "command": Channel(
+        1,
+        messages.Command,
+        "operator",
+        "each task",
+        Transport.BUS,
+        0,
+        1000,
+        "arm, start, stop, status, close",
+    ),
+    "reply": Channel(
+        2,
+        messages.Reply,
+        "each task",
+        "operator",
+        Transport.BUS,
+        0,
+        1000,
+        "the answer, with the command's id",
+    ),
     "reference": Channel(
-        3, messages.Reference, "streamer", "controller", Transport.UDP, 100, 30, "the plan, a position every 10 ms"
+        3,
+        messages.Reference,
+        "streamer",
+        "controller",
+        Transport.UDP,
+        100,
+        30,
+        "the plan, a position every 10 ms",
     ),
     "setpoint": Channel(
-        4, messages.Setpoint, "controller", "bench", Transport.UDP, 200, 30, "interpolated position for the servos"
+        4,
+        messages.Setpoint,
+        "controller",
+        "bench",
+        Transport.UDP,
+        200,
+        30,
+        "interpolated position for the servos",
     ),
     "joint_state": Channel(
-        5, messages.JointState, "bench", "controller", Transport.UDP, 200, 30, "what the encoders read", wakes=False
+        5,
+        messages.JointState,
+        "bench",
+        "controller",
+        Transport.UDP,
+        200,
+        30,
+        "what the encoders read",
+        wakes=False,
     ),
     "robot_state": Channel(
         6,
@@ -66,15 +106,35 @@ CHANNELS: dict[str, Channel] = {
         "the same, for the picture moves with it",
         wakes=False,
     ),
-    "frame": Channel(8, messages.Frame, "bench", "vision", Transport.ZMQ, 50, 40, "a picture of the cable"),
-    "angle": Channel(9, messages.AngleSample, "vision", "streamer", Transport.UDP, 50, 80, "cable angle, with its instant"),
+    "frame": Channel(
+        8, messages.Frame, "bench", "vision", Transport.ZMQ, 50, 40, "a picture of the cable"
+    ),
+    "angle": Channel(
+        9,
+        messages.AngleSample,
+        "vision",
+        "streamer",
+        Transport.UDP,
+        50,
+        80,
+        "cable angle, with its instant",
+    ),
     "truth": Channel(
-        10, messages.Truth, "bench", "operator", Transport.ZMQ, 100, 1000, "simulated bench only; nothing that acts reads it"
+        10,
+        messages.Truth,
+        "bench",
+        "operator",
+        Transport.ZMQ,
+        100,
+        1000,
+        "simulated bench only; nothing that acts reads it",
     ),
 }
 
 TASKS = ("streamer", "controller", "vision", "bench")
-DATA = tuple(name for name, c in CHANNELS.items() if c.transport is not Transport.BUS and c.receiver in TASKS)
+DATA = tuple(
+    name for name, c in CHANNELS.items() if c.transport is not Transport.BUS and c.receiver in TASKS
+)
 
 
 def sent_by(task: str) -> tuple[str, ...]:

@@ -86,7 +86,9 @@ LAYOUTS: dict[type[Message], Layout] = {
         lambda m: (m.t_target_ns, *m.position_m),
         lambda seq, t, v: Reference(seq=seq, t_ns=t, t_target_ns=v[0], position_m=v[1:4]),
     ),
-    Setpoint: Layout("3d", lambda m: m.position_m, lambda seq, t, v: Setpoint(seq=seq, t_ns=t, position_m=v)),
+    Setpoint: Layout(
+        "3d", lambda m: m.position_m, lambda seq, t, v: Setpoint(seq=seq, t_ns=t, position_m=v)
+    ),
     JointState: Layout(
         "3d3d",
         lambda m: m.position_m + m.velocity_m_s,
@@ -94,7 +96,13 @@ LAYOUTS: dict[type[Message], Layout] = {
     ),
     RobotState: Layout(
         "q3d3d3dB",
-        lambda m: (m.t_actual_ns, *m.commanded_m, *m.actual_m, *m.actual_velocity_m_s, _PHASE_CODE[m.phase]),
+        lambda m: (
+            m.t_actual_ns,
+            *m.commanded_m,
+            *m.actual_m,
+            *m.actual_velocity_m_s,
+            _PHASE_CODE[m.phase],
+        ),
         lambda seq, t, v: RobotState(
             seq=seq,
             t_ns=t,
@@ -144,7 +152,12 @@ LAYOUTS: dict[type[Message], Layout] = {
         "dd3d3d",
         lambda m: (m.angle_rad, m.angular_velocity_rad_s, *m.position_m, *m.velocity_m_s),
         lambda seq, t, v: Truth(
-            seq=seq, t_ns=t, angle_rad=v[0], angular_velocity_rad_s=v[1], position_m=v[2:5], velocity_m_s=v[5:8]
+            seq=seq,
+            t_ns=t,
+            angle_rad=v[0],
+            angular_velocity_rad_s=v[1],
+            position_m=v[2:5],
+            velocity_m_s=v[5:8],
         ),
     ),
     Frame: Layout(
@@ -206,7 +219,9 @@ def _field_bounds(name: str, kind: Any, optional: bool = False) -> list[Bound]:
     if isinstance(kind, inspect.EnumType):
         return [Bound(name, 0, len(kind.cls) - 1, False)]
     low, high = getattr(kind, "ge", None), getattr(kind, "le", None)
-    return [Bound(name, -_FINITE if low is None else low, _FINITE if high is None else high, optional)]
+    return [
+        Bound(name, -_FINITE if low is None else low, _FINITE if high is None else high, optional)
+    ]
 
 
 class _Channel(NamedTuple):
@@ -214,7 +229,9 @@ class _Channel(NamedTuple):
     layout: Layout
     payload: struct.Struct
     size: int  # of the whole datagram
-    limits: tuple[tuple[int, float, float, bool], ...]  # payload position, low, high, optional; numbers only
+    limits: tuple[
+        tuple[int, float, float, bool], ...
+    ]  # payload position, low, high, optional; numbers only
 
 
 def _compile(name: str) -> _Channel:
@@ -222,7 +239,11 @@ def _compile(name: str) -> _Channel:
     layout = LAYOUTS[row.message]
     payload = struct.Struct("<" + layout.format)
     blank = payload.unpack(bytes(payload.size))
-    limits = tuple((i, b.low, b.high, b.optional) for i, b in enumerate(bounds(row.message)) if not isinstance(blank[i], bytes))
+    limits = tuple(
+        (i, b.low, b.high, b.optional)
+        for i, b in enumerate(bounds(row.message))
+        if not isinstance(blank[i], bytes)
+    )
     return _Channel(row.id, layout, payload, HEADER.size + payload.size + CRC.size, limits)
 
 
@@ -244,7 +265,9 @@ def encode(channel: str, message: Message, session: int) -> bytes:
 
 def encode_closing(channel: str, count: int, t_ns: int, session: int) -> bytes:
     """The last datagram of a sender: how many it has put on the wire."""
-    body = HEADER.pack(MAGIC, VERSION, _CHANNELS[channel].id, HEADER.size + CRC.size, CLOSING, session, count, t_ns)
+    body = HEADER.pack(
+        MAGIC, VERSION, _CHANNELS[channel].id, HEADER.size + CRC.size, CLOSING, session, count, t_ns
+    )
     return body + CRC.pack(zlib.crc32(body))
 
 
@@ -289,6 +312,8 @@ def _value_refusal(c: _Channel, values: tuple[Any, ...]) -> Reject | None:
         if low <= value <= high or (optional and value != value):
             continue
         return Reject.OUT_OF_RANGE if math.isfinite(value) else Reject.NOT_FINITE
-    if c.layout is LAYOUTS[AngleSample] and values[3] == (values[1] != values[1] or values[2] != values[2]):
+    if c.layout is LAYOUTS[AngleSample] and values[3] == (
+        values[1] != values[1] or values[2] != values[2]
+    ):
         return Reject.OUT_OF_RANGE  # valid says there is an angle, or the other way round
     return None

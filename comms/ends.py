@@ -47,7 +47,9 @@ class Out:
         if CHANNELS[name].transport is Transport.UDP:
             self._endpoint = UdpSender(wiring.host, wiring.ports[name])
         else:
-            self._endpoint = FrameSender(context, wiring.host, wiring.ports[name], name, wiring.session)
+            self._endpoint = FrameSender(
+                context, wiring.host, wiring.ports[name], name, wiring.session
+            )
 
     def fate(self, seq: int) -> int | None:
         """Delay of a packet [ns], or None: lost. Counts it as sent."""
@@ -88,7 +90,9 @@ class In:
         if CHANNELS[name].transport is Transport.UDP:
             self.endpoint = UdpReceiver(wiring.host, wiring.ports[name], name)
         else:
-            self.endpoint = FrameReceiver(context, wiring.host, wiring.ports[name], name, wiring.session)
+            self.endpoint = FrameReceiver(
+                context, wiring.host, wiring.ports[name], name, wiring.session
+            )
 
     def fileno(self) -> int:
         """For select."""
@@ -99,7 +103,9 @@ class In:
         taken = []
         for item in self.endpoint.drain():
             got = decode(self.name, item, self._session) if isinstance(item, bytes) else item
-            message = admit(got, self._window, self.count, self._late_ns, clock.now_ns(), self.receipts)
+            message = admit(
+                got, self._window, self.count, self._late_ns, clock.now_ns(), self.receipts
+            )
             if message is not None:
                 taken.append(message)
             elif isinstance(got, Closing):

@@ -20,7 +20,14 @@ RECONNECT_MS = 5  # the receiver may bind after we connect; at 50 Hz the queue i
 class FrameSender:
     """Pushes frames to one receiver; a full queue loses the frame and says so."""
 
-    def __init__(self, context: zmq.Context[zmq.Socket[bytes]], host: str, port: int, channel: str, session: int) -> None:
+    def __init__(
+        self,
+        context: zmq.Context[zmq.Socket[bytes]],
+        host: str,
+        port: int,
+        channel: str,
+        session: int,
+    ) -> None:
         self._socket = context.socket(zmq.PUSH)
         self._socket.setsockopt(zmq.SNDHWM, HIGH_WATER)
         self._socket.setsockopt(zmq.LINGER, LINGER_MS)
@@ -49,7 +56,14 @@ class FrameSender:
 class FrameReceiver:
     """Pulls frames; pixels are a read-only view of the received buffer."""
 
-    def __init__(self, context: zmq.Context[zmq.Socket[bytes]], host: str, port: int, channel: str, session: int) -> None:
+    def __init__(
+        self,
+        context: zmq.Context[zmq.Socket[bytes]],
+        host: str,
+        port: int,
+        channel: str,
+        session: int,
+    ) -> None:
         self._socket = context.socket(zmq.PULL)
         self._socket.setsockopt(zmq.RCVHWM, HIGH_WATER)
         self._channel, self._session = channel, session
@@ -94,4 +108,6 @@ def with_pixels(head: Frame, data: memoryview) -> Frame | Reject:
     if len(data) != head.height * head.width * planes:
         return Reject.LENGTH
     shape = (head.height, head.width) if planes == 1 else (head.height, head.width, 3)
-    return msgspec.structs.replace(head, pixels=np.frombuffer(data.toreadonly(), dtype=np.uint8).reshape(shape))
+    return msgspec.structs.replace(
+        head, pixels=np.frombuffer(data.toreadonly(), dtype=np.uint8).reshape(shape)
+    )

@@ -13,7 +13,9 @@ from msgspec import Meta
 from comms.channels import MS
 
 _MASK = 2**64 - 1
-FOREIGN = frozenset(("length", "magic", "version", "channel", "session"))  # reasons that say: no packet of this link and run
+FOREIGN = frozenset(
+    ("length", "magic", "version", "channel", "session")
+)  # reasons that say: no packet of this link and run
 WINDOW = 64  # sequence numbers remembered behind the newest
 
 
@@ -41,7 +43,9 @@ class LinkModel:
 
         Packet n is lost if u(seed, link, k) < p for any k in (n - burst, n], p = 1 - (1 - loss)^(1/burst).
         """
-        if self._p > 0.0 and any(self._uniform(k, 0) < self._p for k in range(seq, seq - self._burst, -1)):
+        if self._p > 0.0 and any(
+            self._uniform(k, 0) < self._p for k in range(seq, seq - self._burst, -1)
+        ):
             return None
         if self._jitter_ns == 0:
             return self._delay_ns

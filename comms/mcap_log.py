@@ -20,7 +20,16 @@ from comms.records import CompressedImage
 
 CHUNK_BYTES = 256 * 1024
 DATA_END_BYTES = 13  # the record that carries the checksum of all before it
-DAMAGE = (McapError, ValueError, EOFError, OverflowError, MemoryError, KeyError, struct.error, zstandard.ZstdError)
+DAMAGE = (
+    McapError,
+    ValueError,
+    EOFError,
+    OverflowError,
+    MemoryError,
+    KeyError,
+    struct.error,
+    zstandard.ZstdError,
+)
 SCHEMA_NAMES: dict[type, str] = {CompressedImage: "foxglove.CompressedImage"}
 
 
@@ -29,15 +38,21 @@ class LogWriter:
 
     def __init__(self, path: Path, start: dict[str, str]) -> None:
         self._stream: BinaryIO = path.open("wb")
-        index = IndexType.ATTACHMENT | IndexType.CHUNK | IndexType.METADATA  # a message index costs more than our messages
-        self._writer = Writer(self._stream, CHUNK_BYTES, CompressionType.ZSTD, index, enable_data_crcs=True)
+        index = (
+            IndexType.ATTACHMENT | IndexType.CHUNK | IndexType.METADATA
+        )  # a message index costs more than our messages
+        self._writer = Writer(
+            self._stream, CHUNK_BYTES, CompressionType.ZSTD, index, enable_data_crcs=True
+        )
         self._writer.start(profile="swayless", library="swayless")
         self._channels: dict[str, int] = {}
         self._schemas: dict[type, int] = {}
         self._encode = msgspec.json.Encoder().encode
         self.metadata("run.start", start)
 
-    def write(self, topic: str, record: msgspec.Struct, publish_ns: int, log_ns: int, seq: int = 0) -> None:
+    def write(
+        self, topic: str, record: msgspec.Struct, publish_ns: int, log_ns: int, seq: int = 0
+    ) -> None:
         """Append one message: publish_ns = the sender's stamp, log_ns = the recorder's."""
         channel = self._channels.get(topic) or self._register(topic, type(record))
         self._writer.add_message(channel, log_ns, self._encode(record), publish_ns, seq)
@@ -66,7 +81,9 @@ class LogWriter:
     def _register(self, topic: str, kind: type) -> int:
         if kind not in self._schemas:
             name = SCHEMA_NAMES.get(kind, f"swayless.{kind.__name__}")
-            self._schemas[kind] = self._writer.register_schema(name, "jsonschema", json_schema(kind))
+            self._schemas[kind] = self._writer.register_schema(
+                name, "jsonschema", json_schema(kind)
+            )
         self._channels[topic] = self._writer.register_channel(topic, "json", self._schemas[kind])
         return self._channels[topic]
 
@@ -116,9 +133,13 @@ def read_log(path: Path) -> Log:
     log = Log(path, {}, {}, {}, False, "")
     damage = _read_records(data, log)
     if "run.start" not in log.metadata:
-        raise LogError(f"{path}: an MCAP file without 'run.start': not a run of ours, or cut before it began")
+        raise LogError(
+            f"{path}: an MCAP file without 'run.start': not a run of ours, or cut before it began"
+        )
     complete = not damage and "run.stop" in log.metadata
-    return log._replace(complete=complete, damage=damage or ("" if complete else "ends before 'run.stop'"))
+    return log._replace(
+        complete=complete, damage=damage or ("" if complete else "ends before 'run.stop'")
+    )
 
 
 def _read_records(data: bytes, log: Log) -> str:
@@ -134,14 +155,20 @@ def _read_records(data: bytes, log: Log) -> str:
             elif isinstance(record, Attachment):
                 log.attachments[record.name] = record.data
             elif isinstance(record, DataEnd):
-                damage = damage or _checksum_damage(record, memoryview(data)[: stream.tell() - DATA_END_BYTES])
+                damage = damage or _checksum_damage(
+                    record, memoryview(data)[: stream.tell() - DATA_END_BYTES]
+                )
                 break
-        for record in records:  # the summary names the channels again, should their chunk be damaged
+        for (
+            record
+        ) in records:  # the summary names the channels again, should their chunk be damaged
             if damage and isinstance(record, Channel):
                 _name(record, log, topics)
     except InvalidMagic as error:
         if not log.metadata:
-            raise LogError(f"{log.path}: not an MCAP file (wrong first bytes); name a run folder or its run.mcap") from error
+            raise LogError(
+                f"{log.path}: not an MCAP file (wrong first bytes); name a run folder or its run.mcap"
+            ) from error
         damage = "cut short"
     except DAMAGE as error:
         damage = f"cut short ({type(error).__name__})"
@@ -160,7 +187,9 @@ def _read_chunk(chunk: Chunk, log: Log, topics: dict[int, list[Entry]]) -> str:
         return f"a damaged chunk was left out ({type(error).__name__})"
     for record in records:
         if isinstance(record, Message):
-            topics.setdefault(record.channel_id, []).append(Entry(record.log_time, record.publish_time, record.data))
+            topics.setdefault(record.channel_id, []).append(
+                Entry(record.log_time, record.publish_time, record.data)
+            )
         elif isinstance(record, Channel):
             _name(record, log, topics)
     return ""

@@ -122,7 +122,9 @@ class AngleSample(Message, frozen=True, gc=False, kw_only=True):
     platform_m: Metres | None
     rows: Annotated[int, Meta(ge=0, le=65535)]
     residual_px: Annotated[float, Meta(ge=0.0, le=1e4)] | None
-    pivot_miss_px: Pixels | None  # fitted line minus predicted pivot, along image x, at the pivot's row
+    pivot_miss_px: (
+        Pixels | None
+    )  # fitted line minus predicted pivot, along image x, at the pivot's row
     background: Annotated[float, Meta(ge=0.0, le=255.0)]
     saturation: Annotated[float, Meta(ge=0.0, le=1.0)]  # share of pixels at full scale
 

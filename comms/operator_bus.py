@@ -55,14 +55,20 @@ class Record(NamedTuple):
 class TaskBus:
     """A task's end: receives commands and heartbeats, sends replies, records and taps."""
 
-    def __init__(self, context: Context, task: str, commands: str, taps: str, pictures: str) -> None:
+    def __init__(
+        self, context: Context, task: str, commands: str, taps: str, pictures: str
+    ) -> None:
         self._commands = context.socket(zmq.DEALER)
         self._name = task.encode()
         self._commands.setsockopt(zmq.IDENTITY, self._name)
         self._taps, self._pictures = context.socket(zmq.PUSH), context.socket(zmq.PUSH)
         self._taps.setsockopt(zmq.SNDHWM, TAP_HIGH_WATER)
         self._pictures.setsockopt(zmq.SNDHWM, PICTURE_HIGH_WATER)
-        for socket, address in ((self._commands, commands), (self._taps, taps), (self._pictures, pictures)):
+        for socket, address in (
+            (self._commands, commands),
+            (self._taps, taps),
+            (self._pictures, pictures),
+        ):
             socket.setsockopt(zmq.LINGER, LINGER_MS)
             socket.connect(address)
         self._tapped: list[bytes] = []  # channel, datagram, channel, datagram ...
@@ -200,7 +206,9 @@ def _understand(parts: list[bytes]) -> Hello | Farewell | Reply | Record | str |
     return None
 
 
-def _drain_taps(socket: zmq.Socket[bytes], parts_each: int) -> Iterator[tuple[bytes, Farewell | Tapped]]:
+def _drain_taps(
+    socket: zmq.Socket[bytes], parts_each: int
+) -> Iterator[tuple[bytes, Farewell | Tapped]]:
     """Taps are channel and datagram, pictures have their pixels as a third part; several may come in one message."""
     while True:
         try:

@@ -5,7 +5,10 @@ from __future__ import annotations
 import os
 import resource
 
-RUNAWAY_US = (1_000_000, 2_000_000)  # a task that computes this long without waiting is stuck, and ended by the kernel
+RUNAWAY_US = (
+    1_000_000,
+    2_000_000,
+)  # a task that computes this long without waiting is stuck, and ended by the kernel
 
 
 def take_priority(priority: int) -> bool:

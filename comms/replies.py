@@ -17,7 +17,9 @@ class Replies:
         """The order is carried out."""
         return self._send(order.id, True, phase, t_ns, text, None)
 
-    def refuse(self, order: Command, phase: Phase, t_ns: int, text: str, exit: int | None = None) -> Send:
+    def refuse(
+        self, order: Command, phase: Phase, t_ns: int, text: str, exit: int | None = None
+    ) -> Send:
         """The order is not carried out, and why; exit = the code a run that ends over it should have."""
         return self._send(order.id, False, phase, t_ns, text, exit)
 
@@ -29,7 +31,18 @@ class Replies:
         """News that end the run with an exit code."""
         return self._send(0, False, phase, t_ns, text, exit)
 
-    def _send(self, id: int, ok: bool, phase: Phase, t_ns: int, text: str, exit: int | None) -> Send:
-        reply = Reply(seq=self._seq, t_ns=t_ns, id=id, sender=self._sender, ok=ok, phase=phase, text=text, exit=exit)
+    def _send(
+        self, id: int, ok: bool, phase: Phase, t_ns: int, text: str, exit: int | None
+    ) -> Send:
+        reply = Reply(
+            seq=self._seq,
+            t_ns=t_ns,
+            id=id,
+            sender=self._sender,
+            ok=ok,
+            phase=phase,
+            text=text,
+            exit=exit,
+        )
         self._seq += 1
         return Send("reply", reply, t_ns)

@@ -30,9 +30,13 @@ from comms.task import Step, Task
 
 LONGEST_WAIT_NS = 50 * MS  # the edge of a ZeroMQ descriptor can be missed; look again then
 RECORD_EVERY_NS = 250 * MS
-TAP_EVERY_NS = 50 * MS  # taps leave together: a message each would wake the operator a thousand times a second
+TAP_EVERY_NS = (
+    50 * MS
+)  # taps leave together: a message each would wake the operator a thousand times a second
 DRAIN_NS = 200 * MS  # after the last send, beyond the link's own delay
-OPERATOR_SILENT_NS = 2_000 * MS  # ten heartbeats; then the operator is gone, and the robot stops where it is
+OPERATOR_SILENT_NS = (
+    2_000 * MS
+)  # ten heartbeats; then the operator is gone, and the robot stops where it is
 ADMISSION_NS = 30_000 * MS  # the slowest task's imports on a busy machine
 ORPHANED, REFUSED = 5, 3  # exit codes
 
@@ -43,7 +47,9 @@ def main(build: Callable[[bytes], Task]) -> int:
     parts = msgspec.json.decode(sys.stdin.buffer.read(), type=dict[str, msgspec.Raw])
     wiring = msgspec.json.decode(parts["wiring"], type=Wiring)
     task = build(bytes(parts["settings"]))
-    take_priority(wiring.priority)  # before any thread is started: those of ZeroMQ carry the pictures
+    take_priority(
+        wiring.priority
+    )  # before any thread is started: those of ZeroMQ carry the pictures
     try:
         runner = WallRunner(task, wiring, MonotonicClock(wiring.zero_ns))
     except CommsError as error:
@@ -62,11 +68,16 @@ class WallRunner:
         self._in = {name: In(name, wiring, self._context) for name in received_by(task.name)}
         self._bus = TaskBus(self._context, task.name, wiring.commands, wiring.taps, wiring.pictures)
         self._quiet = [link for name, link in self._in.items() if not CHANNELS[name].wakes]
-        ends: list[Any] = [*(link for link in self._in.values() if link not in self._quiet), self._bus]
+        ends: list[Any] = [
+            *(link for link in self._in.values() if link not in self._quiet),
+            self._bus,
+        ]
         self._listening = {end.fileno(): end for end in ends}
         self._early: list[Command] = []  # orders that came before the task began
         self._told: dict[str, LinkCount] = {}  # channels that end at the operator
-        self._outbox: list[tuple[int, int, Out, Frame | bytes]] = []  # due_ns, order, channel, what leaves
+        self._outbox: list[
+            tuple[int, int, Out, Frame | bytes]
+        ] = []  # due_ns, order, channel, what leaves
         self._order = 0
         self._wake_ns: int | None = None
         self._exit: int | None = None
@@ -209,7 +220,12 @@ class WallRunner:
 
     def _record(self, now: int) -> None:
         if self._lateness_ns:
-            timing = Timing(task=self._task.name, t_ns=now, late_ticks=self._task.late_ticks, lateness_ns=self._lateness_ns)
+            timing = Timing(
+                task=self._task.name,
+                t_ns=now,
+                late_ticks=self._task.late_ticks,
+                lateness_ns=self._lateness_ns,
+            )
             self._bus.record(timing)
             self._lateness_ns = []
         for link in self._in.values():
@@ -224,7 +240,11 @@ class WallRunner:
             self._send_due()
         for out in self._out.values():
             out.close(self._clock.now_ns())
-        until = self._clock.now_ns() + DRAIN_NS + max((link.delay_ns for link in self._in.values()), default=0)
+        until = (
+            self._clock.now_ns()
+            + DRAIN_NS
+            + max((link.delay_ns for link in self._in.values()), default=0)
+        )
         while self._clock.now_ns() < until and not all(link.closed for link in self._in.values()):
             select.select(list(self._in.values()), [], [], 0.01)
             for link in self._in.values():
@@ -236,7 +256,9 @@ class WallRunner:
         now = self._clock.now_ns()
         self._bus.flush_taps()
         self._record(now)
-        counts = {name: out.count for name, out in self._out.items()} | {name: link.count for name, link in self._in.items()}
+        counts = {name: out.count for name, out in self._out.items()} | {
+            name: link.count for name, link in self._in.items()
+        }
         for name, count in (counts | self._told).items():
             self._bus.record(LinkRow(channel=name, count=count))
         if self._bus.dropped_taps or self._bus.dropped_pictures:

@@ -87,7 +87,10 @@ def free_port(host: str, udp: bool = True) -> int:
 
 def free_ports(host: str, udp: list[bool]) -> list[int]:
     """Ports nobody uses now, all different; True asks for a UDP port, False for a TCP port."""
-    probes = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM if datagrams else socket.SOCK_STREAM) for datagrams in udp]
+    probes = [
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM if datagrams else socket.SOCK_STREAM)
+        for datagrams in udp
+    ]
     try:
         for probe in probes:
             probe.bind((host, 0))

@@ -50,7 +50,10 @@ TYPES = {"q": "i64", "d": "f64", "B": "u8", "H": "u16", "?": "bool", "s": "text"
 
 def page() -> str:
     """The whole page as Markdown."""
-    rows = ["| id | channel | message | from | to | transport | Hz | late after | |", "|---|---|---|---|---|---|---|---|---|"]
+    rows = [
+        "| id | channel | message | from | to | transport | Hz | late after | |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
     rows += [_row(name, c) for name, c in CHANNELS.items()]
     payloads = [_payload(name, c) for name, c in CHANNELS.items() if c.message in LAYOUTS]
     return HEAD + "\n".join(rows) + "\n" + DATAGRAM + "\n".join(payloads)
@@ -58,7 +61,17 @@ def page() -> str:
 
 def _row(name: str, c: Channel) -> str:
     rate = f"{c.rate_hz:g}" if c.rate_hz else "-"
-    cells = (c.id, name, c.message.__name__, c.sender, c.receiver, c.transport.value, rate, f"{c.late_after_ms:g} ms", c.about)
+    cells = (
+        c.id,
+        name,
+        c.message.__name__,
+        c.sender,
+        c.receiver,
+        c.transport.value,
+        rate,
+        f"{c.late_after_ms:g} ms",
+        c.about,
+    )
     return "| " + " | ".join(map(str, cells)) + " |"
 
 
@@ -72,7 +85,9 @@ def _payload(name: str, c: Channel) -> str:
         "| field | type | bounds |",
         "|---|---|---|",
     ]
-    for bound, kind in zip(_grouped(bounds(c.message)), _kinds(LAYOUTS[c.message].format), strict=True):
+    for bound, kind in zip(
+        _grouped(bounds(c.message)), _kinds(LAYOUTS[c.message].format), strict=True
+    ):
         count = f" x {kind[1]}" if kind[1] > 1 else ""
         lines.append(f"| {bound.name} | {TYPES[kind[0]]}{count} | {_limits(bound, kind[0])} |")
     return "\n".join(lines) + "\n"

@@ -17,7 +17,9 @@ DATUM = 1e12  # of a motor: 1e-12 to 1e12
 
 def duration(duration_s: float) -> float:
     """A time to move in [s]."""
-    check_range("duration_s", duration_s, SHORTEST_S, LONGEST_S, "give the motion a time in seconds")
+    check_range(
+        "duration_s", duration_s, SHORTEST_S, LONGEST_S, "give the motion a time in seconds"
+    )
     return duration_s
 
 
@@ -25,14 +27,18 @@ def distance(distance_m: float, name: str = "distance_m") -> float:
     """A way to go or a place [m], 0 and negative ones included."""
     check_range(name, distance_m, -FARTHEST_M, FARTHEST_M, "give it in metres")
     if distance_m:
-        check_range(f"size of {name}", abs(distance_m), NEAREST_M, FARTHEST_M, "take 0, as this is rounding")
+        check_range(
+            f"size of {name}", abs(distance_m), NEAREST_M, FARTHEST_M, "take 0, as this is rounding"
+        )
     return distance_m
 
 
 def limit(name: str, value: float) -> float:
     """A bound of a rate of change, inf for none."""
     if value != math.inf:
-        check_range(name, value, SLOWEST, FASTEST, "give the size without a sign, or inf for no limit")
+        check_range(
+            name, value, SLOWEST, FASTEST, "give the size without a sign, or inf for no limit"
+        )
     return value
 
 

@@ -18,7 +18,10 @@ from planners.shapers.plan_shaped import SHAPED, plan_shaped
 from planners.trajectories.motion import Motion
 from planners.trajectories.trajectory import Trajectory
 
-LEFT, LEFT_RAD = 1e-5, 1e-8  # of the peak swing, and besides: what a boundary-value planner may leave on its own model
+LEFT, LEFT_RAD = (
+    1e-5,
+    1e-8,
+)  # of the peak swing, and besides: what a boundary-value planner may leave on its own model
 Planner = Callable[[Problem], Trajectory]
 
 BOUNDARY_VALUE: dict[str, Planner] = {

@@ -22,7 +22,9 @@ LONGEST_LAGS = 1e5  # of the jerk model's filter
 HEAVIEST = 1e12  # a weight
 FASTEST = 1e3  # rad, rad/s, m/s, m/s^2: a state at an end
 FARTHEST_M = 1000.0  # beyond it nothing is a laboratory
-HORIZONTAL_RAD = math.pi / 2  # a load that swings so high hangs on nothing, and linear plans mean nothing
+HORIZONTAL_RAD = (
+    math.pi / 2
+)  # a load that swings so high hangs on nothing, and linear plans mean nothing
 ROUNDING = 1e-9  # share of a limit that a peak may exceed it by
 
 
@@ -34,9 +36,14 @@ class Limits:
     acceleration_m_s2: float = math.inf
 
     def __post_init__(self) -> None:
-        for name, value in (("speed_m_s", self.speed_m_s), ("acceleration_m_s2", self.acceleration_m_s2)):
+        for name, value in (
+            ("speed_m_s", self.speed_m_s),
+            ("acceleration_m_s2", self.acceleration_m_s2),
+        ):
             if not value > 0.0:
-                raise PlanError(f"{name} = {value} in limits; must be > 0: leave it out for no limit")
+                raise PlanError(
+                    f"{name} = {value} in limits; must be > 0: leave it out for no limit"
+                )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,12 +73,20 @@ class Problem:
 
     def __post_init__(self) -> None:
         if not 0.0 < self.time_s < math.inf:
-            raise PlanError(f"time_s = {self.time_s}; must be > 0 and finite: give the time the move may take")
+            raise PlanError(
+                f"time_s = {self.time_s}; must be > 0 and finite: give the time the move may take"
+            )
         self._check_periods()
         for name, value in (("start_m", self.start_m), ("distance_m", self.distance_m)):
             if not abs(value) <= FARTHEST_M:
-                raise PlanError(f"{name} = {value}; must be within +-{FARTHEST_M:g} m: give it in metres")
-        for what, name, known in (("axis", self.axis, AXES), ("input", self.input, INPUTS), ("law", self.law, LAWS)):
+                raise PlanError(
+                    f"{name} = {value}; must be within +-{FARTHEST_M:g} m: give it in metres"
+                )
+        for what, name, known in (
+            ("axis", self.axis, AXES),
+            ("input", self.input, INPUTS),
+            ("law", self.law, LAWS),
+        ):
             if name not in known:
                 raise unknown_name(what, name, known)
         for name in self.robust:
@@ -121,11 +136,19 @@ class Problem:
             )
         if self.input == "jerk" and self.time_s > LONGEST_LAGS * self.lag_s:
             shortest = self.time_s / LONGEST_LAGS
-            raise PlanError(f"lag_s = {self.lag_s}; must be >= time_s / {LONGEST_LAGS:g} = {shortest:g}: take a slower filter")
+            raise PlanError(
+                f"lag_s = {self.lag_s}; must be >= time_s / {LONGEST_LAGS:g} = {shortest:g}: take a slower filter"
+            )
 
     def _check_weights(self) -> None:
         check_range("lag_s", self.lag_s, *LAGS_S, "leave it out for the default")
-        check_range("input_weight", self.input_weight, 1.0 / HEAVIEST, HEAVIEST, "leave it out for the default")
+        check_range(
+            "input_weight",
+            self.input_weight,
+            1.0 / HEAVIEST,
+            HEAVIEST,
+            "leave it out for the default",
+        )
         for name, value in self.state_weights.items():
             if name not in self.states:
                 raise unknown_name("name in state_weights", name, self.states)
@@ -175,7 +198,12 @@ class Plan:
         limits, metrics = self.problem.limits, self.metrics
         checks = (
             ("peak speed", metrics.peak_speed_m_s, "m/s", limits.speed_m_s),
-            ("peak acceleration", metrics.peak_acceleration_m_s2, "m/s^2", limits.acceleration_m_s2),
+            (
+                "peak acceleration",
+                metrics.peak_acceleration_m_s2,
+                "m/s^2",
+                limits.acceleration_m_s2,
+            ),
             ("peak swing", metrics.peak_swing_rad, "rad", HORIZONTAL_RAD),
         )
         return tuple(

@@ -3,7 +3,14 @@
 from __future__ import annotations
 
 OK, USAGE, REFUSED, STOPPED, FAULT, BAD_DATA = 0, 2, 3, 4, 5, 6
-EXIT_STATUS = {OK: "ok", USAGE: "fault", REFUSED: "stopped", STOPPED: "stopped", FAULT: "fault", BAD_DATA: "bad_data"}
+EXIT_STATUS = {
+    OK: "ok",
+    USAGE: "fault",
+    REFUSED: "stopped",
+    STOPPED: "stopped",
+    FAULT: "fault",
+    BAD_DATA: "bad_data",
+}
 
 
 class RigError(Exception):

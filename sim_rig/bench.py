@@ -7,7 +7,9 @@ from sim_rig.params import BenchParams
 from sim_rig.pendulum import Pendulum
 from sim_rig.robot import Platform
 
-STEP_NS = 1_000_000  # Runge-Kutta at 1 ms: 4e-8 rad after 24 s of jerky setpoints, energy drift 3e-13
+STEP_NS = (
+    1_000_000  # Runge-Kutta at 1 ms: 4e-8 rad after 24 s of jerky setpoints, energy drift 3e-13
+)
 STRETCH_STEPS = 1000  # most steps whose velocities are held in memory at once
 
 
@@ -47,7 +49,9 @@ class Bench:
     def advance(self, t_ns: int) -> None:
         """Let time run to exactly t_ns, in steps that end on whole milliseconds; raises ValueError when t_ns is past."""
         if t_ns < self.t_ns:
-            raise ValueError(f"t_ns = {t_ns} is before the bench's {self.t_ns}: advance in the order of time")
+            raise ValueError(
+                f"t_ns = {t_ns} is before the bench's {self.t_ns}: advance in the order of time"
+            )
         while (left_ns := t_ns - self.t_ns) > 0:
             part_ns = -self.t_ns % STEP_NS or STEP_NS
             if part_ns > left_ns or part_ns < STEP_NS:

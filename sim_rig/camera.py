@@ -27,10 +27,17 @@ class Pinhole:
     """A camera distance_m before the home position, looking along +y and pitched down about its x axis."""
 
     def __init__(self, camera: params.Camera, view: params.View, home_m: Position) -> None:
-        self._home_m, self._distance_m, self._above_m = home_m, camera.distance_m, camera.pivot_above_axis_m
+        self._home_m, self._distance_m, self._above_m = (
+            home_m,
+            camera.distance_m,
+            camera.pivot_above_axis_m,
+        )
         self._focal_px = camera.pixels_per_m * camera.distance_m
         self._centre_px = view.width / 2, view.height / 2
-        self._cos, self._sin = math.cos(math.radians(camera.pitch_deg)), math.sin(math.radians(camera.pitch_deg))
+        self._cos, self._sin = (
+            math.cos(math.radians(camera.pitch_deg)),
+            math.sin(math.radians(camera.pitch_deg)),
+        )
 
     def line(self, position_m: Position, angle_rad: float) -> CableLine | None:
         """The cable of a platform at position_m; None when it is behind the camera or does not hang down.

@@ -40,7 +40,10 @@ def first_below(terms: list[float], floor: float) -> float | None:
 
 def _bernstein(terms: list[float]) -> list[float]:
     """Ordinates b_i = sum over k of C(i, k) / C(n, k) terms[k]."""
-    return [sum(share * term for share, term in zip(row, terms, strict=False)) for row in _shares(len(terms) - 1)]
+    return [
+        sum(share * term for share, term in zip(row, terms, strict=False))
+        for row in _shares(len(terms) - 1)
+    ]
 
 
 @cache

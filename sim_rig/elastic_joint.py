@@ -32,7 +32,9 @@ class JointTruth(NamedTuple):
     load_speed_rad_s: float
     applied_torque_n_m: float  # the last command, clipped by the drive
     sticking: bool  # dry friction holds the motor
-    integration_error_rad: float  # how far motor_angle_rad may be from the exact motion, or may have been before
+    integration_error_rad: (
+        float  # how far motor_angle_rad may be from the exact motion, or may have been before
+    )
 
 
 class ElasticJoint:
@@ -49,7 +51,9 @@ class ElasticJoint:
         self.params = params
         self._t_s = self._t_missing_s = self._torque_n_m = self._error_rad = 0.0
         self._motion, self._nudged = Motion(params), Motion(params, nudged=True)
-        self._edges_s = sorted({edge for pulse in params.disturbances for edge in (pulse.start_s, pulse.end_s)})
+        self._edges_s = sorted(
+            {edge for pulse in params.disturbances for edge in (pulse.start_s, pulse.end_s)}
+        )
         self._random = random.Random(seed)
         self._noise = self._random.gauss()
 
@@ -59,12 +63,20 @@ class ElasticJoint:
         Raises ValueError for numbers that are not finite, a negative duration, and a motor faster than FASTEST_SPEED_RAD_S.
         """
         if not math.isfinite(torque_n_m):
-            raise ValueError(f"torque_n_m = {torque_n_m}; must be finite: look for a division by zero in the controller")
+            raise ValueError(
+                f"torque_n_m = {torque_n_m}; must be finite: look for a division by zero in the controller"
+            )
         if not 0.0 <= duration_s < math.inf:
-            raise ValueError(f"duration_s = {duration_s}; must be >= 0 and finite: give the sample time")
+            raise ValueError(
+                f"duration_s = {duration_s}; must be >= 0 and finite: give the sample time"
+            )
         limit_n_m = self.params.torque_limit_n_m
         self._torque_n_m = min(max(torque_n_m, -limit_n_m), limit_n_m)
-        edges_s = [after_s for edge_s in self._edges_s if self._slack_s < (after_s := self._until_s(edge_s)) < duration_s]
+        edges_s = [
+            after_s
+            for edge_s in self._edges_s
+            if self._slack_s < (after_s := self._until_s(edge_s)) < duration_s
+        ]
         for begin_s, end_s in zip([0.0, *edges_s], [*edges_s, duration_s], strict=True):
             self._carry(end_s - begin_s)
         self._noise = self._random.gauss()
@@ -73,12 +85,19 @@ class ElasticJoint:
         """What the sensors say now; reading again says the same."""
         params, angle_rad = self.params, self._motion.angle_rad
         _, load_n_m = self._pulses_n_m()
-        seen_rad = angle_rad + params.encoder_ripple_rad * math.sin(params.encoder_ripple_cycles_per_rev * angle_rad)
+        seen_rad = angle_rad + params.encoder_ripple_rad * math.sin(
+            params.encoder_ripple_cycles_per_rev * angle_rad
+        )
         if params.encoder_counts_per_rev:
             count_rad = 2.0 * math.pi / params.encoder_counts_per_rev
             seen_rad = math.floor(seen_rad / count_rad) * count_rad
-        error_rad_s2 = params.accelerometer_bias_rad_s2 + params.accelerometer_noise_rad_s2 * self._noise
-        return Reading(seen_rad, self._motion.load_acceleration_rad_s2(load_n_m) / params.gear_ratio + error_rad_s2)
+        error_rad_s2 = (
+            params.accelerometer_bias_rad_s2 + params.accelerometer_noise_rad_s2 * self._noise
+        )
+        return Reading(
+            seen_rad,
+            self._motion.load_acceleration_rad_s2(load_n_m) / params.gear_ratio + error_rad_s2,
+        )
 
     def truth(self) -> JointTruth:
         """What the joint really does now."""
@@ -111,7 +130,9 @@ class ElasticJoint:
     def _pulses_n_m(self) -> tuple[float, float]:
         """Disturbing torques now, on motor and load, both referred to the motor."""
         acting = [pulse for pulse in self.params.disturbances if self._acts(pulse)]
-        return sum(p.motor_n_m for p in acting), sum(p.load_n_m for p in acting) / self.params.gear_ratio
+        return sum(p.motor_n_m for p in acting), sum(
+            p.load_n_m for p in acting
+        ) / self.params.gear_ratio
 
     def _acts(self, pulse: Pulse) -> bool:
         return self._until_s(pulse.start_s) <= self._slack_s < self._until_s(pulse.end_s)

@@ -21,7 +21,9 @@ from sim_rig.joint_params import Joint
 ORDER = 24  # terms at most; a series that still has not died out is used over a part of its step
 NEGLIGIBLE = 1e-17  # of the largest term: two such terms in a row end a series
 ROUNDING = 2.0 * sys.float_info.epsilon  # what a step may be wrong by, relative to its largest term
-GUARD = 16.0 * sys.float_info.epsilon  # relative to what a guard is made of: closer to its limit it is on it
+GUARD = (
+    16.0 * sys.float_info.epsilon
+)  # relative to what a guard is made of: closer to its limit it is on it
 NONE = [0.0] * ORDER
 
 
@@ -40,7 +42,9 @@ class Motion:
     """Where the joint is and how fast. A nudged one is pushed, after each step, by as much as that step may be wrong."""
 
     def __init__(self, joint: Joint, *, nudged: bool = False) -> None:
-        self.angle_rad = self.speed_rad_s = self.twist_rad = self.twist_speed_rad_s = 0.0  # of the motor, and d, v
+        self.angle_rad = self.speed_rad_s = self.twist_rad = self.twist_speed_rad_s = (
+            0.0  # of the motor, and d, v
+        )
         self.direction = 0  # of sliding: -1, 1; 0 = stuck, where there is friction
         self._joint, self._load_inertia = joint, joint.reflected_inertia_kg_m2
         self._load_friction = joint.load_friction_n_m_s_rad / joint.gear_ratio**2
@@ -59,7 +63,9 @@ class Motion:
 
     def load_acceleration_rad_s2(self, load_n_m: float) -> float:
         """x'' under a load torque, both referred to the motor."""
-        return (load_n_m + self._spring_n_m() - self._load_friction * self.load_speed_rad_s) / self._load_inertia
+        return (
+            load_n_m + self._spring_n_m() - self._load_friction * self.load_speed_rad_s
+        ) / self._load_inertia
 
     def carry(self, motor_n_m: float, load_n_m: float, duration_s: float) -> None:
         """Move on under constant torques, both referred to the motor."""
@@ -85,17 +91,34 @@ class Motion:
     def _series(self, motor_n_m: float, load_n_m: float, step_s: float) -> Terms:
         """Each term from the one before; sine and cosine of the ripple by their own recursion (Jorba & Zou 2005, section 2)."""
         joint, held = self._joint, self.stuck
-        stiffness, damping, friction = joint.stiffness_n_m_rad, joint.elastic_damping_n_m_s_rad, joint.motor_friction_n_m_s_rad
+        stiffness, damping, friction = (
+            joint.stiffness_n_m_rad,
+            joint.elastic_damping_n_m_s_rad,
+            joint.motor_friction_n_m_s_rad,
+        )
         motor_n_m -= self.direction * joint.coulomb_torque_n_m
-        angle, speed, twist, twist_speed = [0.0], [self.speed_rad_s], [self.twist_rad], [self.twist_speed_rad_s]
+        angle, speed, twist, twist_speed = (
+            [0.0],
+            [self.speed_rad_s],
+            [self.twist_rad],
+            [self.twist_speed_rad_s],
+        )
         ripple, quadrature = self._ripple() if joint.torque_ripple_n_m else (NONE, NONE)
         before = size = abs(speed[0]) + abs(twist_speed[0])
         for k in range(ORDER):
             dt = step_s / (k + 1)
             w, v = speed[k], twist_speed[k]
             spring = stiffness * twist[k] + damping * v
-            gain = 0.0 if held else dt * (motor_n_m + ripple[k] - friction * w - spring) / joint.motor_inertia_kg_m2
-            gain_twist = gain - dt * (load_n_m + spring - self._load_friction * (w - v)) / self._load_inertia
+            gain = (
+                0.0
+                if held
+                else dt
+                * (motor_n_m + ripple[k] - friction * w - spring)
+                / joint.motor_inertia_kg_m2
+            )
+            gain_twist = (
+                gain - dt * (load_n_m + spring - self._load_friction * (w - v)) / self._load_inertia
+            )
             motor_n_m = load_n_m = 0.0  # constant: in the first term only
             if ripple is not NONE:
                 turn = joint.torque_ripple_cycles_per_rev * dt
@@ -111,22 +134,42 @@ class Motion:
             if before + now <= NEGLIGIBLE * size:
                 return Terms(angle, speed, twist, twist_speed, size, 1.0)
             before = now
-        return Terms(angle, speed, twist, twist_speed, size, min(1.0, (NEGLIGIBLE * size / (before + now)) ** (1.0 / ORDER)))
+        return Terms(
+            angle,
+            speed,
+            twist,
+            twist_speed,
+            size,
+            min(1.0, (NEGLIGIBLE * size / (before + now)) ** (1.0 / ORDER)),
+        )
 
     def _ripple(self) -> tuple[list[float], list[float]]:
         """The ripple's torque and its quadrature now, as first terms."""
-        at = self._joint.torque_ripple_cycles_per_rev * self.angle_rad + self._joint.torque_ripple_phase_rad
-        return [self._joint.torque_ripple_n_m * math.sin(at)], [self._joint.torque_ripple_n_m * math.cos(at)]
+        at = (
+            self._joint.torque_ripple_cycles_per_rev * self.angle_rad
+            + self._joint.torque_ripple_phase_rad
+        )
+        return [self._joint.torque_ripple_n_m * math.sin(at)], [
+            self._joint.torque_ripple_n_m * math.cos(at)
+        ]
 
     def _spring_n_m(self) -> float:
-        return self._joint.stiffness_n_m_rad * self.twist_rad + self._joint.elastic_damping_n_m_s_rad * self.twist_speed_rad_s
+        return (
+            self._joint.stiffness_n_m_rad * self.twist_rad
+            + self._joint.elastic_damping_n_m_s_rad * self.twist_speed_rad_s
+        )
 
     def _breakaway_n_m(self, motor_n_m: float) -> float:
         """The friction, and what is lost in the sum of the torques that it is compared with."""
         joint = self._joint
-        friction_n_m, twist_n_m = joint.coulomb_torque_n_m, joint.stiffness_n_m_rad * abs(self.twist_rad)
+        friction_n_m, twist_n_m = (
+            joint.coulomb_torque_n_m,
+            joint.stiffness_n_m_rad * abs(self.twist_rad),
+        )
         damping_n_m = joint.elastic_damping_n_m_s_rad * abs(self.twist_speed_rad_s)
-        return friction_n_m + GUARD * (friction_n_m + abs(motor_n_m) + joint.torque_ripple_n_m + twist_n_m + damping_n_m)
+        return friction_n_m + GUARD * (
+            friction_n_m + abs(motor_n_m) + joint.torque_ripple_n_m + twist_n_m + damping_n_m
+        )
 
     def _switch(self, terms: Terms, motor_n_m: float) -> float | None:
         """The fraction of a step at which sliding ends or the friction lets go."""
@@ -141,7 +184,10 @@ class Motion:
             ]
             pull[0] += motor_n_m + self._ripple()[0][0]
             limit = self._breakaway_n_m(motor_n_m)
-            margins = [[limit - pull[0], *(-term for term in pull[1:])], [limit + pull[0], *pull[1:]]]
+            margins = [
+                [limit - pull[0], *(-term for term in pull[1:])],
+                [limit + pull[0], *pull[1:]],
+            ]
         found = [first_below(_over(terms.valid, margin), floor) for margin in margins]
         return min((terms.valid * part for part in found if part is not None), default=None)
 

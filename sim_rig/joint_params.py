@@ -15,9 +15,13 @@ from msgspec import Meta
 FASTEST_RAD_S = 1e5  # of any mode: beyond, a step of the bench is under 10 us and a simulated second takes a minute
 
 Inertia = Annotated[float, Meta(ge=1e-12, le=1e6, description="give it in kg m2")]
-Ratio = Annotated[float, Meta(ge=1e-3, le=1e6, description="turns of the motor per turn of the load")]
+Ratio = Annotated[
+    float, Meta(ge=1e-3, le=1e6, description="turns of the motor per turn of the load")
+]
 Friction = Annotated[float, Meta(ge=0.0, le=1e6, description="give it in N m s/rad, 0 for none")]
-Stiffness = Annotated[float, Meta(ge=1e-9, le=1e12, description="give it in N m/rad, referred to the motor")]
+Stiffness = Annotated[
+    float, Meta(ge=1e-9, le=1e12, description="give it in N m/rad, referred to the motor")
+]
 Limit = Annotated[float, Meta(gt=0.0, description="give it in N m, inf for none")]
 Torque = Annotated[float, Meta(ge=0.0, le=1e6, description="give it in N m, 0 for none")]
 Push = Annotated[float, Meta(ge=-1e6, le=1e6, description="give it in N m")]
@@ -41,7 +45,9 @@ class Pulse(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     def __post_init__(self) -> None:
         _check_fields(self)
         if not self.end_s > self.start_s:
-            raise ValueError(f"end_s = {self.end_s} of a disturbance; must be > start_s = {self.start_s}: were they exchanged?")
+            raise ValueError(
+                f"end_s = {self.end_s} of a disturbance; must be > start_s = {self.start_s}: were they exchanged?"
+            )
 
 
 class Joint(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -56,14 +62,20 @@ class Joint(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     gear_ratio: Ratio = 100.0
     motor_friction_n_m_s_rad: Friction = 3.4e-3  # viscous
     load_friction_n_m_s_rad: Friction = 0.0  # viscous, at the output shaft
-    stiffness_n_m_rad: Stiffness = 3.1  # of the spring between motor angle and gear_ratio x load angle, referred to the motor
+    stiffness_n_m_rad: Stiffness = (
+        3.1  # of the spring between motor angle and gear_ratio x load angle, referred to the motor
+    )
     elastic_damping_n_m_s_rad: Friction = 2.2e-3  # beside that spring
     torque_limit_n_m: Limit = math.inf  # the drive clips the command
-    torque_ripple_n_m: Torque = 0.0  # x sin(cycles_per_rev x motor angle + phase), pushing the motor
+    torque_ripple_n_m: Torque = (
+        0.0  # x sin(cycles_per_rev x motor angle + phase), pushing the motor
+    )
     torque_ripple_cycles_per_rev: Cycles = 2.0  # a wave generator has two lobes
     torque_ripple_phase_rad: Phase = 0.0
     coulomb_torque_n_m: Torque = 0.0  # dry friction at the motor
-    encoder_ripple_rad: Angle = 0.0  # x sin(cycles_per_rev x motor angle), added to what the encoder reads
+    encoder_ripple_rad: Angle = (
+        0.0  # x sin(cycles_per_rev x motor angle), added to what the encoder reads
+    )
     encoder_ripple_cycles_per_rev: Cycles = 1.0  # an eccentric disc
     encoder_counts_per_rev: Counts = 8192
     accelerometer_noise_rad_s2: Noise = 0.0  # white, a new value each sample
@@ -120,6 +132,11 @@ def _check_fields(struct: Pulse | Joint) -> None:
         try:
             msgspec.convert(value, kind)
         except msgspec.ValidationError as error:
-            advice = next((m.description for m in getattr(kind, "__metadata__", ()) if m.description), "give Pulse objects")
+            advice = next(
+                (m.description for m in getattr(kind, "__metadata__", ()) if m.description),
+                "give Pulse objects",
+            )
             reason = str(error)
-            raise ValueError(f"{key} = {value!r}: {reason[0].lower()}{reason[1:]}: {advice}") from None
+            raise ValueError(
+                f"{key} = {value!r}: {reason[0].lower()}{reason[1:]}: {advice}"
+            ) from None

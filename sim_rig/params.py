@@ -20,7 +20,9 @@ class Pendulum(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     length_m: Annotated[float, Meta(ge=0.01, le=20.0)] = 1.0  # pivot to centre of the load
     mass_kg: Annotated[float, Meta(gt=0.0, le=100.0)] = 0.7  # the stiff servos do not feel it
     damping_ratio: Annotated[float, Meta(ge=0.0, lt=1.0)] = 0.000237
-    initial_swing_rad: Annotated[float, Meta(ge=-1.5, le=1.5)] = 0.0  # released from rest at this angle
+    initial_swing_rad: Annotated[float, Meta(ge=-1.5, le=1.5)] = (
+        0.0  # released from rest at this angle
+    )
     gravity_m_s2: Annotated[float, Meta(gt=0.0, le=30.0)] = 9.81
 
 
@@ -29,7 +31,9 @@ class Robot(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
     bandwidth_hz: Annotated[float, Meta(ge=0.1, le=200.0)] = 11.0  # -3 dB
     damping: Annotated[float, Meta(ge=0.05, le=5.0)] = 0.9
-    start_m: Annotated[float, Meta(ge=-10.0, le=10.0)] = 0.0  # where along X the platform stands when the world begins
+    start_m: Annotated[float, Meta(ge=-10.0, le=10.0)] = (
+        0.0  # where along X the platform stands when the world begins
+    )
 
 
 class Camera(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -39,10 +43,16 @@ class Camera(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     noise: Annotated[float, Meta(ge=0.0, le=64.0)] = 2.5  # standard deviation, grey levels
     psf_px: Annotated[float, Meta(ge=0.2, le=20.0)] = 0.8  # standard deviation of the lens blur
     exposure_ms: Annotated[float, Meta(ge=0.0, le=1000.0)] = 10.0
-    pixels_per_m: Annotated[float, Meta(ge=10.0, le=20000.0)] = 1000.0  # in the plane of the home position
+    pixels_per_m: Annotated[float, Meta(ge=10.0, le=20000.0)] = (
+        1000.0  # in the plane of the home position
+    )
     cable_width_px: Annotated[float, Meta(ge=0.1, le=100.0)] = 2.5
-    distance_m: Annotated[float, Meta(ge=0.1, le=50.0)] = 1.0  # from the camera's centre to the home position's plane
-    pivot_above_axis_m: Annotated[float, Meta(ge=-10.0, le=10.0)] = 0.28  # cable's upper end over the unpitched optical axis
+    distance_m: Annotated[float, Meta(ge=0.1, le=50.0)] = (
+        1.0  # from the camera's centre to the home position's plane
+    )
+    pivot_above_axis_m: Annotated[float, Meta(ge=-10.0, le=10.0)] = (
+        0.28  # cable's upper end over the unpitched optical axis
+    )
     background: Annotated[float, Meta(ge=0.0, le=255.0)] = 200.0
     contrast: Annotated[float, Meta(ge=0.0, le=255.0)] = 165.0  # how much darker a wide cable is
     name: Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,16}$")] = "red_plane"

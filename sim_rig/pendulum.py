@@ -23,14 +23,22 @@ class Pendulum:
     def __init__(self, pendulum: params.Pendulum) -> None:
         self.angle_rad, self.angular_velocity_rad_s = pendulum.initial_swing_rad, 0.0
         self._length_m, self._gravity_m_s2 = pendulum.length_m, pendulum.gravity_m_s2
-        self._drag_m_s = 2.0 * pendulum.damping_ratio * math.sqrt(pendulum.gravity_m_s2 * pendulum.length_m)  # 2 zeta w l
+        self._drag_m_s = (
+            2.0 * pendulum.damping_ratio * math.sqrt(pendulum.gravity_m_s2 * pendulum.length_m)
+        )  # 2 zeta w l
 
     def carry(self, step_s: float, vx_m_s: list[float], vz_m_s: list[float]) -> None:
         """Runge-Kutta 4 over (N - 1) / 2 steps of step_s; pivot velocities (N,) at the start, middle and end of each.
 
         Plain floats, written out stage by stage: it runs a thousand times a simulated second.
         """
-        sin, cos, g, drag, per_length = math.sin, math.cos, self._gravity_m_s2, self._drag_m_s, 1.0 / self._length_m
+        sin, cos, g, drag, per_length = (
+            math.sin,
+            math.cos,
+            self._gravity_m_s2,
+            self._drag_m_s,
+            1.0 / self._length_m,
+        )
         half, sixth = 0.5 * step_s, step_s / 6.0
         each_vx, each_vz = iter(vx_m_s), iter(vz_m_s)
         theta, vx, vz = self.angle_rad, next(each_vx), next(each_vz)
@@ -60,7 +68,11 @@ class Pendulum:
 
     def hang(self, step_s: float, steps: int) -> None:
         """The same with the pivot at rest, at half the cost; a load hangs for most of an experiment."""
-        sin, stiffness, drag = math.sin, self._gravity_m_s2 / self._length_m, self._drag_m_s / self._length_m
+        sin, stiffness, drag = (
+            math.sin,
+            self._gravity_m_s2 / self._length_m,
+            self._drag_m_s / self._length_m,
+        )
         half, sixth = 0.5 * step_s, step_s / 6.0
         theta, w1 = self.angle_rad, self.angular_velocity_rad_s
         for _ in range(steps):

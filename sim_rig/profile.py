@@ -18,7 +18,9 @@ from numpy.typing import NDArray
 from sim_rig.params import Camera
 
 PHASE_BITS = 8
-PHASES = 1 << PHASE_BITS  # sub-pixel positions; half a phase is at most 0.2 grey levels on the default cable's flank
+PHASES = (
+    1 << PHASE_BITS
+)  # sub-pixel positions; half a phase is at most 0.2 grey levels on the default cable's flank
 TILTS = 256  # steps of cos(tilt); half a step is at most 0.2 grey levels
 FINE = 1024  # samples a pixel of P(d) before it is stretched by 1/cos(tilt): 1e-5 px levels of interpolation error
 TAILS = 4.5  # standard deviations beyond the cable's edge, where the darkening is below 1e-3 grey levels
@@ -45,7 +47,9 @@ def windows(camera: Camera, cos_tilt: float, width: int) -> Windows:
     column = np.arange(2 * zero) - zero - np.arange(PHASES)[:, None] / PHASES  # (PHASES, 2 zero)
     table = (np.interp(cos_tilt * column, d_px, p_px) / cos_tilt).astype(np.float32)
     last = 2 * zero - width
-    of: NDArray[np.void] = np.ndarray((PHASES, last + 1), np.dtype((np.void, 4 * width)), table, strides=table.strides)
+    of: NDArray[np.void] = np.ndarray(
+        (PHASES, last + 1), np.dtype((np.void, 4 * width)), table, strides=table.strides
+    )
     return Windows(of, zero, last)
 
 
@@ -60,7 +64,9 @@ def _integral(camera: Camera) -> tuple[NDArray[np.float64], NDArray[np.float64]]
 
 def _ramp(z: float) -> float:
     """G(z) = z Phi(z) + phi(z), the integral of the normal distribution function."""
-    return 0.5 * z * math.erfc(-z / math.sqrt(2.0)) + math.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi)
+    return 0.5 * z * math.erfc(-z / math.sqrt(2.0)) + math.exp(-0.5 * z * z) / math.sqrt(
+        2.0 * math.pi
+    )
 
 
 def _edge_px(camera: Camera) -> float:

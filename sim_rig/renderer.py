@@ -45,10 +45,17 @@ class Renderer:
             first_row = max(math.ceil(middle.pivot_row_px), 0)
             if first_row < len(picture):
                 sweep = self._sweep(start, middle, end, first_row)
-                self._paint(picture[first_row:], self._exact[screen, first_row:], sweep, 1.0 / math.hypot(1.0, middle.slope))
+                self._paint(
+                    picture[first_row:],
+                    self._exact[screen, first_row:],
+                    sweep,
+                    1.0 / math.hypot(1.0, middle.slope),
+                )
         return picture
 
-    def _sweep(self, start: CableLine, middle: CableLine, end: CableLine, first_row: int) -> NDArray[np.int64]:
+    def _sweep(
+        self, start: CableLine, middle: CableLine, end: CableLine, first_row: int
+    ) -> NDArray[np.int64]:
         """Where the cable's axis begins and ends its way over each row: (2, R) [column phases], ascending."""
         rows = self._rows[first_row:].astype(np.float64)  # (R,)
         mean_px = (start.column_px + 4.0 * middle.column_px + end.column_px) / 6.0
@@ -56,12 +63,18 @@ class Renderer:
         way_px = end.column_px - start.column_px + (end.slope - start.slope) * rows
         sweep = np.empty((2, len(rows)), np.int64)
         way = np.floor(np.maximum(np.abs(way_px) * PHASES, 1.0) + 0.5)
-        sweep[0] = np.floor((mean_px + mean_slope * rows) * PHASES - 0.5 * way + self._dither[first_row:])
+        sweep[0] = np.floor(
+            (mean_px + mean_slope * rows) * PHASES - 0.5 * way + self._dither[first_row:]
+        )
         sweep[1] = sweep[0] + way
         return sweep
 
     def _paint(
-        self, picture: NDArray[np.uint8], screen: NDArray[np.float32], sweep: NDArray[np.int64], cos_tilt: float
+        self,
+        picture: NDArray[np.uint8],
+        screen: NDArray[np.float32],
+        sweep: NDArray[np.int64],
+        cos_tilt: float,
     ) -> None:
         """Darken, on each of the R rows, the strip of columns that the cable touches."""
         cos_tilt = max(round(cos_tilt * profile.TILTS), 1) / profile.TILTS
@@ -73,7 +86,9 @@ class Renderer:
         columns = sweep >> profile.PHASE_BITS  # (2, R)
         left = _within((columns[0] + columns[1] - width) >> 1, self._width - width)  # (R,)
         offset = _within(left - columns + table.zero, table.last)
-        passed = table.of[sweep & (profile.PHASES - 1), offset].view(np.float32).reshape(2, -1, width)
+        passed = (
+            table.of[sweep & (profile.PHASES - 1), offset].view(np.float32).reshape(2, -1, width)
+        )
         place = self._rows[: len(left)], left
         strip = _strips(screen, width)[place].view(np.float32).reshape(-1, width)
         strip -= (passed[0] - passed[1]) * (PHASES / way).astype(np.float32)[:, None]

@@ -34,7 +34,9 @@ class Loop:
     def __init__(self, robot: params.Robot) -> None:
         zeta = robot.damping
         spread = 1.0 - 2.0 * zeta * zeta
-        self.natural_rad_s = 2.0 * math.pi * robot.bandwidth_hz / math.sqrt(spread + math.hypot(spread, 1.0))  # |H|^2 = 1/2
+        self.natural_rad_s = (
+            2.0 * math.pi * robot.bandwidth_hz / math.sqrt(spread + math.hypot(spread, 1.0))
+        )  # |H|^2 = 1/2
         self._decay_rad_s = zeta * self.natural_rad_s
         self._wave_rad_s = self.natural_rad_s * math.sqrt(abs(1.0 - zeta * zeta))
         self._zeta = zeta
@@ -58,7 +60,9 @@ class Loop:
     def substep(self, step_s: float) -> Substep:
         """Both propagators of a step; the whole one is the half one applied twice."""
         half = ee, ev, ve, vv = self.propagator(0.5 * step_s)
-        return Substep(Propagator(ee * ee + ev * ve, ev * (ee + vv), ve * (ee + vv), ve * ev + vv * vv), half)
+        return Substep(
+            Propagator(ee * ee + ev * ve, ev * (ee + vv), ve * (ee + vv), ve * ev + vv * vv), half
+        )
 
 
 class Axis:

@@ -29,13 +29,17 @@ class Shutter:
 
     def __init__(self, params: BenchParams, t_ns: int = 0) -> None:
         if params.view.rate_hz <= 0.0:
-            raise ValueError(f"rate_hz = {params.view.rate_hz:g} in [camera]; must be > 0 for pictures: the source rig has 50")
+            raise ValueError(
+                f"rate_hz = {params.view.rate_hz:g} in [camera]; must be > 0 for pictures: the source rig has 50"
+            )
         self.exposure_ns = round(params.camera.exposure_ms * 1e6)
         self._period_ns = round(1e9 / params.view.rate_hz)
         self._pinhole = Pinhole(params.camera, params.view, params.home_m)
         self._renderer = Renderer(params.camera, params.view, params.seed)
         self._taken = 0
-        self._seen: list[tuple[CableLine | None, float]] = []  # line and angle at start, middle, end
+        self._seen: list[
+            tuple[CableLine | None, float]
+        ] = []  # line and angle at start, middle, end
         self.begin(t_ns)
 
     def begin(self, t_ns: int) -> None:
@@ -51,10 +55,14 @@ class Shutter:
         """Note where the cable is at `next_ns`: start, middle or end of an exposure. The end gives the picture."""
         self._seen.append((self._pinhole.line(bench.position_m, bench.angle_rad), bench.angle_rad))
         if len(self._seen) < 3:
-            self.next_ns = self._start_ns + self.exposure_ns // 2 if len(self._seen) == 1 else self.closes_ns
+            self.next_ns = (
+                self._start_ns + self.exposure_ns // 2 if len(self._seen) == 1 else self.closes_ns
+            )
             return None
         (start, _), (middle, angle_rad), (end, _) = self._seen
-        exposure = Exposure(self._start_ns, angle_rad, self._renderer.picture(self._taken, start, middle, end))
+        exposure = Exposure(
+            self._start_ns, angle_rad, self._renderer.picture(self._taken, start, middle, end)
+        )
         self._seen.clear()
         self._taken += 1
         self._start_ns = self.next_ns = self._start_ns + self._period_ns

@@ -26,7 +26,9 @@ class VideoFrame(NamedTuple):
     image: NDArray[np.uint8]  # (height, width, 3) blue, green, red
 
 
-def swinging_video(params: BenchParams, seconds: float, seed: int | None = None) -> Iterator[VideoFrame]:
+def swinging_video(
+    params: BenchParams, seconds: float, seed: int | None = None
+) -> Iterator[VideoFrame]:
     """Pictures at view.rate_hz whose exposures start in [0, seconds), of a load released from initial_swing_rad at rest.
 
     seed replaces params.seed. Raises ValueError when the view has no frame rate.
@@ -43,7 +45,12 @@ def swinging_video(params: BenchParams, seconds: float, seed: int | None = None)
             exposure = shutter.look(bench)
         blue, green = dim[index % BACKGROUNDS], dim[(index + BACKGROUNDS // 2) % BACKGROUNDS]
         image = np.stack([blue, green, exposure.pixels], axis=-1)
-        yield VideoFrame(index, (exposure.start_ns + 0.5 * shutter.exposure_ns) * 1e-9, exposure.middle_rad, image)
+        yield VideoFrame(
+            index,
+            (exposure.start_ns + 0.5 * shutter.exposure_ns) * 1e-9,
+            exposure.middle_rad,
+            image,
+        )
         index += 1
 
 
@@ -53,5 +60,7 @@ def _dim_planes(params: BenchParams) -> NDArray[np.uint8]:
     noise = np.random.default_rng([params.seed, 1]).standard_normal(
         shape, dtype=np.float32
     )  # other numbers than the red plane's
-    planes: NDArray[np.uint8] = np.clip(DIM + params.camera.noise * noise + 0.5, 0.0, 255.0).astype(np.uint8)
+    planes: NDArray[np.uint8] = np.clip(DIM + params.camera.noise * noise + 0.5, 0.0, 255.0).astype(
+        np.uint8
+    )
     return planes

@@ -5,17 +5,31 @@ from __future__ import annotations
 from collections import Counter, deque
 
 from comms.channels import MS
-from comms.messages import Command, Frame, JointState, Message, Phase, Position, Setpoint, Truth, Velocity
+from comms.messages import (
+    Command,
+    Frame,
+    JointState,
+    Message,
+    Phase,
+    Position,
+    Setpoint,
+    Truth,
+    Velocity,
+)
 from comms.replies import Replies
 from comms.task import NOTHING, Send, Step
 from sim_rig.bench import Bench
 from sim_rig.params import BenchParams
 from sim_rig.shutter import Exposure, Shutter
 
-SERVO_NS = 1 * MS  # digital servos look for a new setpoint this often: when within a millisecond it came is all the same
+SERVO_NS = (
+    1 * MS
+)  # digital servos look for a new setpoint this often: when within a millisecond it came is all the same
 TICK_NS = 5 * MS  # encoders are read on this grid of the run clock
 TRUTH_NS = 10 * MS  # a multiple of TICK_NS
-CATCH_UP_NS = 250 * MS  # most rig time made up in one call, to bound its pictures; the next wake follows at once
+CATCH_UP_NS = (
+    250 * MS
+)  # most rig time made up in one call, to bound its pictures; the next wake follows at once
 NEVER_NS = 2**63
 
 
@@ -32,9 +46,13 @@ class BenchTask:
         self.late_ticks = 0  # encoder readings that were skipped because a newer one was due
         self._params = params
         self._bench = Bench(params)
-        self._shutter = Shutter(params) if params.view.rate_hz > 0.0 else None  # draws its noisy screens once, here
+        self._shutter = (
+            Shutter(params) if params.view.rate_hz > 0.0 else None
+        )  # draws its noisy screens once, here
         self._tick_ns = 0
-        self._setpoints: deque[tuple[int, Position]] = deque()  # (in force from, position): arrived, not yet seen by the servos
+        self._setpoints: deque[tuple[int, Position]] = (
+            deque()
+        )  # (in force from, position): arrived, not yet seen by the servos
         self._aim_m = params.start_m
         self._phase = Phase.IDLE
         self._sent: Counter[str] = Counter()
@@ -58,7 +76,9 @@ class BenchTask:
             self._setpoints.append((t_ns - t_ns % SERVO_NS + SERVO_NS, message.position_m))
             return NOTHING
         if isinstance(message, Command):
-            return Step([self._replies.answer(message, self._phase, t_ns, f"{self.late_ticks} late ticks")])
+            return Step(
+                [self._replies.answer(message, self._phase, t_ns, f"{self.late_ticks} late ticks")]
+            )
         return NOTHING
 
     def on_tick(self, t_ns: int) -> Step:
@@ -86,7 +106,9 @@ class BenchTask:
         if readings:
             self.late_ticks += readings - 1
             seq = self._seq("joint_state")
-            reading = JointState(seq=seq, t_ns=read_ns, position_m=position_m, velocity_m_s=velocity_m_s)
+            reading = JointState(
+                seq=seq, t_ns=read_ns, position_m=position_m, velocity_m_s=velocity_m_s
+            )
             sends.append(Send("joint_state", reading, t_ns))
         wake_ns = min(self._tick_ns, shutter.closes_ns) if shutter else self._tick_ns
         return Step(sends, max(wake_ns, t_ns))

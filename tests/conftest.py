@@ -15,7 +15,9 @@ settings.load_profile("swayless")
 @pytest.fixture
 def rig(monkeypatch, capsys, tmp_path):
     """Call `rig ...` in an empty folder; gives exit code, stdout, stderr."""
-    from rig.ui.cli import main as command_line  # a test of one room loads that room, not the whole product
+    from rig.ui.cli import (
+        main as command_line,
+    )  # a test of one room loads that room, not the whole product
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "160")

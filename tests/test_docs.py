@@ -10,7 +10,14 @@ from planners.catalog import PLANNERS
 from rig.ui.cli import main as command_line
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = ("README.md", "docs/path.md", "docs/planning.md", "docs/motions.md", "docs/drives.md", "docs/wire.md")
+PAGES = (
+    "README.md",
+    "docs/path.md",
+    "docs/planning.md",
+    "docs/motions.md",
+    "docs/drives.md",
+    "docs/wire.md",
+)
 
 
 def test_the_wire_page_is_the_one_the_channel_table_makes():

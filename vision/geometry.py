@@ -17,9 +17,13 @@ class PivotModel:
 
     def __post_init__(self) -> None:
         if not all(map(math.isfinite, self.home_px)):
-            raise VisionError(f"home_px = {self.home_px}; both must be finite: calibrate the pivot again")
+            raise VisionError(
+                f"home_px = {self.home_px}; both must be finite: calibrate the pivot again"
+            )
         if not 0.0 < self.pixels_per_m < math.inf:
-            raise VisionError(f"pixels_per_m = {self.pixels_per_m}; must be > 0 and finite: calibrate the pivot again")
+            raise VisionError(
+                f"pixels_per_m = {self.pixels_per_m}; must be > 0 and finite: calibrate the pivot again"
+            )
 
     def pivot_px(self, x_m: float) -> tuple[float, float]:
         """(u, v) of the cable's upper end [px] with the platform at x_m."""

@@ -63,12 +63,16 @@ def _templates() -> np.ndarray[Any, np.dtype[np.float32]]:
     phase = np.arange(PHASES)[:, None] / PHASES - 0.5
     x = (np.arange(-REACH_PX, REACH_PX + 1) - phase) / TEMPLATE_SIGMA_PX
     bell = np.exp(-0.5 * x * x) / (np.sqrt(2.0 * np.pi) * TEMPLATE_SIGMA_PX)
-    pair = np.stack([-x * bell / TEMPLATE_SIGMA_PX, (x * x - 1.0) * bell / TEMPLATE_SIGMA_PX**2], axis=1)
+    pair = np.stack(
+        [-x * bell / TEMPLATE_SIGMA_PX, (x * x - 1.0) * bell / TEMPLATE_SIGMA_PX**2], axis=1
+    )
     return np.asarray(pair - pair.mean(axis=2, keepdims=True), np.float32)
 
 
 TEMPLATES = _templates()
-SLOPE_NORM = float(np.linalg.norm(TEMPLATES[PHASES // 2, 0]))  # noise of the first derivative per grey level of noise
+SLOPE_NORM = float(
+    np.linalg.norm(TEMPLATES[PHASES // 2, 0])
+)  # noise of the first derivative per grey level of noise
 CURVE_NORM = float(np.linalg.norm(TEMPLATES[PHASES // 2, 1]))  # and of the second
 
 
@@ -97,7 +101,9 @@ def row_offsets(image: Grey, v: Rows, u: Floats) -> RowOffsets:
 def refined_columns(image: Grey, v: Rows, u: Rows) -> Floats:
     """The same Newton step from whole pixels u (N,), quicker: good to 0.06 px, and never more than a pixel."""
     first, second = (_pixels(image, v, u) @ TEMPLATES[PHASES // 2].T).T
-    return np.asarray(u + np.minimum(np.maximum(first / np.maximum(second, 1e-6), -1.0), 1.0), np.float64)
+    return np.asarray(
+        u + np.minimum(np.maximum(first / np.maximum(second, 1e-6), -1.0), 1.0), np.float64
+    )
 
 
 def _pixels(image: Grey, v: Rows, centre: Rows) -> np.ndarray[Any, np.dtype[np.float32]]:
@@ -130,7 +136,9 @@ def huber_line(v: Floats, offsets: RowOffsets, start: Line) -> LineFit:
     apart = np.abs(offset) * stiffness  # from the line, in deviations but for a factor
     for _ in range(HUBER_ROUNDS):
         reach = max(HUBER * MAD_SIGMA * _median(apart), finest)
-        line = _solve(moments, precision / np.maximum(apart, reach))  # least squares up to reach, then absolute values
+        line = _solve(
+            moments, precision / np.maximum(apart, reach)
+        )  # least squares up to reach, then absolute values
         residual = offset - line.at(v)
         apart = np.abs(residual) * stiffness
     near = apart <= 3.0 / HUBER * reach
@@ -138,7 +146,9 @@ def huber_line(v: Floats, offsets: RowOffsets, start: Line) -> LineFit:
     return _described(moved, moments, residual, precision * near, int(np.count_nonzero(near)))
 
 
-def _described(line: Line, moments: Floats, residual: Floats, precision: Floats, rows: int) -> LineFit:
+def _described(
+    line: Line, moments: Floats, residual: Floats, precision: Floats, rows: int
+) -> LineFit:
     """The fit with its scatter and sigma_slope^2 = (scatter^2 per unit weight) / (weighted spread of the rows)."""
     total, first, second, _, _ = (moments @ precision).tolist()
     squares = float(precision @ np.square(residual))

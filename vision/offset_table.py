@@ -35,7 +35,9 @@ class OffsetTable:
             )
         for before, after in pairwise(x_m):
             if after <= before:
-                raise VisionError(f"offset table: x_m = {after} follows {before}; must increase: sort the points, drop doubles")
+                raise VisionError(
+                    f"offset table: x_m = {after} follows {before}; must increase: sort the points, drop doubles"
+                )
         self._x_m = tuple(x_m)
         self._offset_rad = tuple(offset_rad)
 

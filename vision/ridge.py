@@ -85,15 +85,22 @@ def search(image: Grey, pivot_px: tuple[float, float], threshold: float) -> Cand
     found = found[:: 1 + len(found) // MAX_CANDIDATES]
     v, u = np.divmod(found, width)
     v *= SEARCH_EVERY
-    below = (v > pivot_px[1] + CLEAR_ROWS) & (u >= FLANK_PX) & (u < width - FLANK_PX)  # flanks inside the row
+    below = (
+        (v > pivot_px[1] + CLEAR_ROWS) & (u >= FLANK_PX) & (u < width - FLANK_PX)
+    )  # flanks inside the row
     du, dv = u[below] - pivot_px[0], v[below] - pivot_px[1]
     votes, offset, slope = _vote(du, dv)
     if votes < MIN_VOTES:
         return None
     own = np.abs(du - offset - slope * dv) <= RIVAL_PX
     rest = ~own
-    rivalled = np.count_nonzero(rest) > RIVAL_SHARE * votes and _vote(du[rest], dv[rest])[0] > RIVAL_SHARE * votes
-    line = coarse_line(dv[own], du[own], Line(offset, slope), thin[found[below][own]].astype(np.float64))
+    rivalled = (
+        np.count_nonzero(rest) > RIVAL_SHARE * votes
+        and _vote(du[rest], dv[rest])[0] > RIVAL_SHARE * votes
+    )
+    line = coarse_line(
+        dv[own], du[own], Line(offset, slope), thin[found[below][own]].astype(np.float64)
+    )
     at_picture = Line(pivot_px[0] + line.at(-pivot_px[1]), line.slope)
     return Candidate(at_picture, bool(rivalled))
 
@@ -102,7 +109,9 @@ def _vote(du: Floats, dv: Floats) -> tuple[int, float, float]:
     """Most votes for one line, its offset from the pivot [px] and its slope; du, dv (N,) are counted from the pivot."""
     bins = (du - PIVOT_OFFSETS_PX[:, None]) / dv  # (5, N)
     bins = ((bins + SLOPE_LIMIT) * (1.0 / SLOPE_STEP)).clip(0.0, BINS - 1.0) + FIRST_BIN
-    votes = np.bincount(bins.astype(np.intp).ravel(), minlength=FIRST_BIN.size * BINS).reshape(-1, BINS)
+    votes = np.bincount(bins.astype(np.intp).ravel(), minlength=FIRST_BIN.size * BINS).reshape(
+        -1, BINS
+    )
     votes[:, [0, -1]] = 0  # beyond the limit
     pairs = votes[:, 1:] + votes[:, :-1]  # a line on the border of two bins loses nothing
     at, left = divmod(int(pairs.argmax()), BINS - 1)

@@ -41,16 +41,22 @@ def video_frames(path: Path) -> Iterator[VideoFrame]:
 
 
 def _opened(path: Path) -> cv2.VideoCapture:
-    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # FFmpeg would tell stderr what the exception below says
+    os.environ.setdefault(
+        "OPENCV_FFMPEG_LOGLEVEL", "-8"
+    )  # FFmpeg would tell stderr what the exception below says
     capture = cv2.VideoCapture(str(path))
     if not capture.isOpened():
-        raise VisionError(f"{path}: {path.stat().st_size} bytes, but no video OpenCV can read: convert it to FFV1 or MJPG")
+        raise VisionError(
+            f"{path}: {path.stat().st_size} bytes, but no video OpenCV can read: convert it to FFV1 or MJPG"
+        )
     return capture
 
 
 def _checked_rate(path: Path, fps: float) -> float:
     if not MIN_FPS <= fps <= MAX_FPS:
-        raise VisionError(f"{path}: frame rate {fps} Hz; must be {MIN_FPS} to {MAX_FPS}: write the video with its true rate")
+        raise VisionError(
+            f"{path}: frame rate {fps} Hz; must be {MIN_FPS} to {MAX_FPS}: write the video with its true rate"
+        )
     return fps
 
 

@@ -55,8 +55,14 @@ class VisionTask:
         self._settings = settings
         self._tracker = Tracker(settings.width, settings.height)
         self._pivot = PivotModel(home_px=settings.pivot_home_px, pixels_per_m=settings.pixels_per_m)
-        self._offsets = OffsetTable(settings.x_m, settings.offset_rad) if settings.x_m or settings.offset_rad else None
-        self._average = MovingAverage(settings.average_frames, int(GAP_PERIODS * settings.period_ns))
+        self._offsets = (
+            OffsetTable(settings.x_m, settings.offset_rad)
+            if settings.x_m or settings.offset_rad
+            else None
+        )
+        self._average = MovingAverage(
+            settings.average_frames, int(GAP_PERIODS * settings.period_ns)
+        )
         self._platform: deque[PlatformPoint] = deque(maxlen=HISTORY)
         self._angles_sent = 0
         self._replies = Replies(self.name)
@@ -76,7 +82,9 @@ class VisionTask:
                 at_ns = t_ns + self._settings.processing_ns
                 return Step((Send("angle", self._sample(message, at_ns), at_ns),))
             case Command():
-                return Step((self._replies.answer(message, Phase.RUNNING, t_ns),))  # looks as long as it lives
+                return Step(
+                    (self._replies.answer(message, Phase.RUNNING, t_ns),)
+                )  # looks as long as it lives
         return NOTHING
 
     def on_tick(self, t_ns: int) -> Step:
@@ -90,7 +98,9 @@ class VisionTask:
     def _remember(self, state: RobotState) -> None:
         if self._platform and state.t_actual_ns <= self._platform[-1].t_ns:
             return  # an old measurement says nothing new
-        self._platform.append(PlatformPoint(state.t_actual_ns, state.actual_m[0], state.actual_velocity_m_s[0]))
+        self._platform.append(
+            PlatformPoint(state.t_actual_ns, state.actual_m[0], state.actual_velocity_m_s[0])
+        )
 
     def _sample(self, frame: Frame, at_ns: int) -> AngleSample:
         middle_ns = frame.t_exposure_start_ns + frame.exposure_ns // 2
@@ -134,13 +144,18 @@ class VisionTask:
         if x_m is None:
             self._tracker.forget()
             levels = grey_levels(red)
-            return Fit(background=levels.background, saturation=levels.saturation), Reason.NO_PLATFORM
+            return Fit(
+                background=levels.background, saturation=levels.saturation
+            ), Reason.NO_PLATFORM
         fit = self._tracker.measure(red, self._pivot.pivot_px(x_m))
         return fit, Reason(fit.reason.value)
 
     def _platform_at(self, t_ns: int) -> float | None:
         """X of the platform at t_ns [m]: cubic Hermite between samples, constant velocity beyond; None too far from any."""
-        if not self._platform or min(abs(t_ns - p.t_ns) for p in self._platform) > self._settings.max_extrapolation_ns:
+        if (
+            not self._platform
+            or min(abs(t_ns - p.t_ns) for p in self._platform) > self._settings.max_extrapolation_ns
+        ):
             return None
         before = [p for p in self._platform if p.t_ns <= t_ns]
         after = [p for p in self._platform if p.t_ns > t_ns]

@@ -50,7 +50,12 @@ ROWS_SHARE = 0.12  # of the picture's height; fewer rows are too short a lever
 SCATTER_PX = 0.3  # rows that agree this well are never a poor fit,
 SCATTER_SIGMAS = 3.0  # nor rows that agree as well as the noise lets them
 MIN_SIZE_PX = 64
-CONTINUED = ((), (1.0,), (2.0, -1.0), (3.0, -3.0, 1.0))  # weights of the last angles in the next, newest first
+CONTINUED = (
+    (),
+    (1.0,),
+    (2.0, -1.0),
+    (3.0, -3.0, 1.0),
+)  # weights of the last angles in the next, newest first
 
 
 class Reason(enum.Enum):
@@ -107,7 +112,9 @@ class Tracker:
         self._angles_rad: tuple[float, ...] = ()  # newest first
         self._miss_px = 0.0  # of the pivot
 
-    def measure(self, image: Grey, pivot_px: tuple[float, float], predicted_angle_rad: float | None = None) -> Fit:
+    def measure(
+        self, image: Grey, pivot_px: tuple[float, float], predicted_angle_rad: float | None = None
+    ) -> Fit:
         """Angle of the cable in image (height, width) uint8, whose upper end should be at pivot_px = (u, v).
 
         Without predicted_angle_rad the last three angles are continued at constant acceleration, after a surprise the last
@@ -156,7 +163,9 @@ class Tracker:
         self._angles_rad = self._angles_rad[:1]  # a surprise is no acceleration
         return self._through_strip(image, levels, near, pivot_px)
 
-    def _direct(self, image: Grey, levels: Levels, line: Line, pivot_px: tuple[float, float]) -> Fit | None:
+    def _direct(
+        self, image: Grey, levels: Levels, line: Line, pivot_px: tuple[float, float]
+    ) -> Fit | None:
         """Newton steps of every row from line; None unless nearly all rows agree on a line that stays."""
         v = self._every[max(0, math.floor(pivot_px[1]) + CLEAR_ROWS + 1) :]
         if len(v) < MIN_ROWS:
@@ -168,13 +177,18 @@ class Tracker:
             fit = self._fitted(image, levels, v, line)
             if fit is None or fit.rows < DIRECT_SHARE * len(v):
                 return None
-            moved = abs(fit.line.at(float(v[0])) - ends[0]), abs(fit.line.at(self.height - 1.0) - ends[1])
+            moved = (
+                abs(fit.line.at(float(v[0])) - ends[0]),
+                abs(fit.line.at(self.height - 1.0) - ends[1]),
+            )
             if max(moved) < SETTLED_PX:
                 return self._verdict(fit, levels, pivot_px)
             line = fit.line
         return None
 
-    def _through_strip(self, image: Grey, levels: Levels, near: Line, pivot_px: tuple[float, float]) -> Fit:
+    def _through_strip(
+        self, image: Grey, levels: Levels, near: Line, pivot_px: tuple[float, float]
+    ) -> Fit:
         """Coarse line through the darkest points of the strip about near, a Newton step on the picture, verdict."""
         v, u = self._dark_points(image, near, pivot_px[1], RIDGE_SIGMAS * levels.noise)
         if len(v) < MIN_ROWS:
@@ -183,14 +197,18 @@ class Tracker:
         if abs(line.slope) > SLOPE_LIMIT:
             return _refused(Reason.NO_CABLE, levels)
         x = line.at(v)
-        close = (np.abs(u - x) < COARSE_REACH_PX) & (x > BORDER_PX) & (x < self.width - 1 - BORDER_PX)
+        close = (
+            (np.abs(u - x) < COARSE_REACH_PX) & (x > BORDER_PX) & (x < self.width - 1 - BORDER_PX)
+        )
         fit = self._fitted(image, levels, (v[close, None] + GROUP).ravel(), line)
         return self._verdict(fit, levels, pivot_px) if fit else _refused(Reason.FEW_ROWS, levels)
 
     def _fitted(self, image: Grey, levels: Levels, v: Rows, line: Line) -> LineFit | None:
         """A Newton step on the picture in rows v (N,) from line; None if too few of them see a cable."""
         offsets = row_offsets(image, v, line.at(v))
-        good = (np.abs(offsets.offset_px) < NEWTON_REACH_PX) & (offsets.stiffness > STIFF_SIGMAS * CURVE_NORM * levels.noise)
+        good = (np.abs(offsets.offset_px) < NEWTON_REACH_PX) & (
+            offsets.stiffness > STIFF_SIGMAS * CURVE_NORM * levels.noise
+        )
         count = np.count_nonzero(good)
         if count < MIN_ROWS:
             return None
@@ -198,12 +216,18 @@ class Tracker:
             v, offsets = v[good], RowOffsets(offsets.offset_px[good], offsets.stiffness[good])
         return huber_line(v.astype(np.float64), offsets, line)
 
-    def _dark_points(self, image: Grey, near: Line, pivot_v: float, threshold: float) -> tuple[Rows, Floats]:
+    def _dark_points(
+        self, image: Grey, near: Line, pivot_v: float, threshold: float
+    ) -> tuple[Rows, Floats]:
         """One row in four (N,) where something thin and dark crosses the strip, and its columns (N,) to 0.1 px."""
         start = np.rint(near.at(self._rows)).astype(np.intp) - STRIP_PX // 2
         start = np.minimum(np.maximum(start, 0), self.width - STRIP_PX)
         strip = runs(image, self._rows * self.width + start, STRIP_PX)
-        response = cv2.multiply(thinness(strip.reshape(1, -1)).reshape(self._shade.shape), self._shade, scale=1.0 / 255.0)
+        response = cv2.multiply(
+            thinness(strip.reshape(1, -1)).reshape(self._shade.shape),
+            self._shade,
+            scale=1.0 / 255.0,
+        )
         column = response.argmax(axis=1)
         dark = (response[self._lines, column] > threshold) & (self._rows > pivot_v + CLEAR_ROWS)
         v, u = self._rows[dark], (start + column)[dark]

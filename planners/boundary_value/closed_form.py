@@ -21,7 +21,9 @@ SHORT_MOVE_M = 1e-3  # a shorter one is judged as this one
 STEEPEST = 300.0  # |Re rate| x duration of a piece: beyond 700 an exponential is no number
 
 
-def trajectory_of(problem: Problem, linear: LinearProblem, shares: ComplexArray, planner: str) -> Trajectory:
+def trajectory_of(
+    problem: Problem, linear: LinearProblem, shares: ComplexArray, planner: str
+) -> Trajectory:
     """Platform position for the input u(t) = sum_j shares_j conj(s^power_j exp(rate_j s)), s = T - t; shares (n,).
 
     Raises PlanError when rounding has spoilt the end of the move.
@@ -30,7 +32,9 @@ def trajectory_of(problem: Problem, linear: LinearProblem, shares: ComplexArray,
     steep = float(np.abs(spectrum.rates_1_s.real).max()) * time_s
     parts = max(1, math.ceil(steep / STEEPEST))
     cuts = [time_s * k / parts for k in range(parts + 1)]
-    shares = (shares + shares[spectrum.partners].conj()) / 2  # rounding leaves pairs a little unlike
+    shares = (
+        shares + shares[spectrum.partners].conj()
+    ) / 2  # rounding leaves pairs a little unlike
     path, pieces = _Path(problem, linear), []
     for begin, end in pairwise(cuts):
         push = _input(spectrum, shares, time_s - begin, end - begin)
@@ -38,7 +42,9 @@ def trajectory_of(problem: Problem, linear: LinearProblem, shares: ComplexArray,
     return Trajectory(checked_end(problem, planner, tuple(pieces), path.position_m))
 
 
-def checked_end(problem: Problem, planner: str, pieces: Sequence[ExpPolynomial], end_m: float) -> Sequence[ExpPolynomial]:
+def checked_end(
+    problem: Problem, planner: str, pieces: Sequence[ExpPolynomial], end_m: float
+) -> Sequence[ExpPolynomial]:
     """The pieces, if they end where the problem wants them to; PlanError otherwise."""
     error = abs(end_m - problem.start_m - problem.distance_m)
     if not error <= END_ERROR * max(abs(problem.distance_m), SHORT_MOVE_M):
@@ -58,7 +64,9 @@ def spoilt(problem: Problem, planner: str, error_m: float) -> PlanError:
 def refuse_nonlinear(problem: Problem, planner: str) -> None:
     """Closed forms know linear models only."""
     if problem.nonlinear:
-        raise PlanError(f"nonlinear = True for {planner}; must be False: take collocation, finite_differences or shooting")
+        raise PlanError(
+            f"nonlinear = True for {planner}; must be False: take collocation, finite_differences or shooting"
+        )
 
 
 class _Path:
@@ -68,7 +76,9 @@ class _Path:
         self._problem, n = problem, problem.model.links_count
         self.position_m, self._speed = linear.start[:2].tolist()
         self._acceleration = float(linear.start[2 + 2 * n]) if problem.input == "jerk" else 0.0
-        self._swing: list[tuple[complex, complex, complex]] = []  # rate, share in the platform's place, value
+        self._swing: list[
+            tuple[complex, complex, complex]
+        ] = []  # rate, share in the platform's place, value
         if problem.input == "force":
             self._free(linear)
 
@@ -85,7 +95,9 @@ class _Path:
         ]
         shares = -(e.coupling_kg_m @ modes.shapes[:n]) / whole
         values = modes.filters @ np.concatenate([angles, rates])
-        for rate, share, value in zip(modes.rates_1_s.tolist(), shares.tolist(), values.tolist(), strict=True):
+        for rate, share, value in zip(
+            modes.rates_1_s.tolist(), shares.tolist(), values.tolist(), strict=True
+        ):
             if rate.imag >= 0.0:
                 self._swing.append((rate, share * (2.0 if rate.imag else 1.0), value))
 
@@ -95,7 +107,9 @@ class _Path:
             return self._answer_force(push.scaled(1.0 / self._whole_kg))
         if self._problem.input == "jerk":
             lag = self._problem.lag_s
-            answer = driven(push.scaled(1.0 / lag), complex(-1.0 / lag), complex(self._acceleration))
+            answer = driven(
+                push.scaled(1.0 / lag), complex(-1.0 / lag), complex(self._acceleration)
+            )
             push = real_part(((1.0 + 0j, term) for term in answer), push.duration_s)
             self._acceleration = push.value(push.duration_s)
         speed = push.integral(self._speed)
@@ -117,10 +131,14 @@ class _Path:
         return move
 
 
-def _input(spectrum: Spectrum, shares: ComplexArray, left_s: float, duration_s: float) -> ExpPolynomial:
+def _input(
+    spectrum: Spectrum, shares: ComplexArray, left_s: float, duration_s: float
+) -> ExpPolynomial:
     """The piece that begins left_s before the end of the move."""
     rates, terms = spectrum.rates_1_s.tolist(), dict[int, tuple[complex, complex]]()
-    for power, driver, share in zip(spectrum.powers.tolist(), spectrum.drivers.tolist(), shares.tolist(), strict=True):
+    for power, driver, share in zip(
+        spectrum.powers.tolist(), spectrum.drivers.tolist(), shares.tolist(), strict=True
+    ):
         c0, c1 = terms.get(driver, (0j, 0j))
         terms[driver] = (c0, c1 + share) if power else (c0 + share, c1)
     line, modes = (0.0, 0.0), []

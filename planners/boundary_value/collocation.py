@@ -42,7 +42,9 @@ def plan_collocation(problem: Problem) -> Trajectory:
         work.spend(float(z.shape[1] * n * n))
         return np.asarray(asked.jacobian(z * size) * ratio)
 
-    with np.errstate(over="ignore", invalid="ignore"):  # a trial step of Newton may go anywhere; it is then not taken
+    with np.errstate(
+        over="ignore", invalid="ignore"
+    ):  # a trial step of Newton may go anywhere; it is then not taken
         found = solve_bvp(
             lambda s, z: asked.slope(z * size) / size * time_s,
             lambda a, b: np.concatenate([a[:n] - start, b[:n] - goal]),

@@ -76,14 +76,18 @@ def linear_conditions(linear: LinearProblem) -> Conditions:
         acceleration=lambda z: row @ z,
         sizes=_sizes(linear, start, goal),
         rates_1_s=np.linalg.eigvals(s).astype(np.complex128),
-        way_out="take matrix_exponential" if linear.q.any() else "take convolution or matrix_exponential",
+        way_out="take matrix_exponential"
+        if linear.q.any()
+        else "take convolution or matrix_exponential",
     )
 
 
 def _sizes(linear: LinearProblem, start: FloatArray, goal: FloatArray) -> FloatArray:
     """Each state against what an input of energy 1 makes of it, the root of the Gramian's diagonal; costates the inverse."""
     columns = linear.system.spectrum.columns
-    squares = np.einsum("ij,jk,ik->i", columns, gramian(linear.system.spectrum, linear.time_s), columns.conj())
+    squares = np.einsum(
+        "ij,jk,ik->i", columns, gramian(linear.system.spectrum, linear.time_s), columns.conj()
+    )
     reach = np.sqrt(np.abs(squares) / linear.r)
     asked = float(np.max(np.abs([start, goal]) / reach)) or 1.0
     return asked * np.concatenate([reach, 1.0 / reach])

@@ -57,7 +57,9 @@ def gramian(spectrum: Spectrum, time_s: float) -> ComplexArray:
     """W_ij = int_0^T s^(k_i + k_j) exp((rate_i + conj rate_j) s) ds: (n, n), Hermitian."""
     pairs = spectrum.pairs
     moments = _moments(pairs.rates_1_s * time_s)  # (m, m, 3)
-    return np.asarray(moments[pairs.first, pairs.second, pairs.powers] * time_s ** (pairs.powers + 1.0))
+    return np.asarray(
+        moments[pairs.first, pairs.second, pairs.powers] * time_s ** (pairs.powers + 1.0)
+    )
 
 
 def _to_do(linear: LinearProblem) -> ComplexArray:
@@ -71,7 +73,9 @@ def _to_do(linear: LinearProblem) -> ComplexArray:
 def _moments(x: ComplexArray) -> ComplexArray:
     """int_0^1 s^k exp(x s) ds for k = 0, 1, 2 in the last place: by quadrature for small |x|, by parts beyond; Re x <= 0."""
     nodes, weights = _gauss_legendre()
-    out = np.asarray(np.exp(np.multiply.outer(x, nodes)) @ weights, dtype=np.complex128)  # (m, m, 3)
+    out = np.asarray(
+        np.exp(np.multiply.outer(x, nodes)) @ weights, dtype=np.complex128
+    )  # (m, m, 3)
     far = np.abs(x) > FEW
     if far.any():
         z = x[far]

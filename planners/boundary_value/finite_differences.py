@@ -82,7 +82,9 @@ def _spread(z: FloatArray, t_s: FloatArray, fine_s: FloatArray) -> FloatArray:
     return np.array([np.interp(fine_s, t_s, row) for row in z])
 
 
-def _newton(asked: Conditions, t_s: FloatArray, guess: FloatArray | None, work: Budget) -> FloatArray:
+def _newton(
+    asked: Conditions, t_s: FloatArray, guess: FloatArray | None, work: Budget
+) -> FloatArray:
     """State and costate (2n, N+1) at which every interval's trapezoidal residual is zero; one step where all is linear."""
     size = asked.sizes[:, None]
     z = np.zeros((len(size), len(t_s))) if guess is None else guess / size
@@ -99,7 +101,11 @@ def _newton(asked: Conditions, t_s: FloatArray, guess: FloatArray | None, work: 
         while True:
             moved = z + share * correction
             residual = _residual(asked, t_s, moved)
-            if asked.linear or step <= SETTLED or np.linalg.norm(residual) <= (1.0 - share / 4.0) * norm:
+            if (
+                asked.linear
+                or step <= SETTLED
+                or np.linalg.norm(residual) <= (1.0 - share / 4.0) * norm
+            ):
                 break
             share /= 2.0
             if share < SHORTEST_STEP:
@@ -123,17 +129,25 @@ def _residual(asked: Conditions, t_s: FloatArray, z: FloatArray) -> FloatArray:
     slope = asked.slope(z * size) / size
     inner = np.diff(z) - np.diff(t_s) / 2.0 * (slope[:, :-1] + slope[:, 1:])
     state = asked.sizes[:n]
-    return np.concatenate([z[:n, 0] - asked.start / state, inner.T.ravel(), z[:n, -1] - asked.goal / state])
+    return np.concatenate(
+        [z[:n, 0] - asked.start / state, inner.T.ravel(), z[:n, -1] - asked.goal / state]
+    )
 
 
-def _correction(asked: Conditions, t_s: FloatArray, z: FloatArray, residual: FloatArray) -> FloatArray:
+def _correction(
+    asked: Conditions, t_s: FloatArray, z: FloatArray, residual: FloatArray
+) -> FloatArray:
     """Newton's step: unknowns node by node, so that the matrix is a band of 3n - 1 on either side."""
     from scipy.linalg import solve_banded
 
     size, (rows, columns) = asked.sizes, z.shape
     n, half = rows // 2, np.diff(t_s)[:, None, None] / 2.0
-    slopes = np.moveaxis(asked.jacobian(z * size[:, None]), 2, 0) * (size / size[:, None])  # (N+1, 2n, 2n)
-    blocks = np.concatenate([-np.eye(rows) - half * slopes[:-1], np.eye(rows) - half * slopes[1:]], axis=2)  # (N, 2n, 4n)
+    slopes = np.moveaxis(asked.jacobian(z * size[:, None]), 2, 0) * (
+        size / size[:, None]
+    )  # (N+1, 2n, 2n)
+    blocks = np.concatenate(
+        [-np.eye(rows) - half * slopes[:-1], np.eye(rows) - half * slopes[1:]], axis=2
+    )  # (N, 2n, 4n)
     width = 3 * n - 1
     band = np.zeros((2 * width + 1, rows * columns))
     i, j, k = np.arange(rows)[:, None], np.arange(2 * rows), np.arange(columns - 1)[:, None, None]
@@ -141,4 +155,8 @@ def _correction(asked: Conditions, t_s: FloatArray, z: FloatArray, residual: Flo
     ends = np.arange(n)
     band[width, ends] = 1.0
     band[width + n, rows * (columns - 1) + ends] = 1.0
-    return -solve_banded((width, width), band, residual, overwrite_ab=True, check_finite=False).reshape(columns, rows).T
+    return (
+        -solve_banded((width, width), band, residual, overwrite_ab=True, check_finite=False)
+        .reshape(columns, rows)
+        .T
+    )

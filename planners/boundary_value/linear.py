@@ -115,7 +115,9 @@ def linear_problem(problem: Problem) -> LinearProblem:
     try:
         system = _system(p.model, p.input, p.lag_s, p.robust)
     except np.linalg.LinAlgError:
-        raise PlanError(f"the modes of {p.model} cannot be told apart; they must differ: change a length or a mass") from None
+        raise PlanError(
+            f"the modes of {p.model} cannot be told apart; they must differ: change a length or a mass"
+        ) from None
     start, goal, n = p.start(), p.goal(), len(system.states)
     q = np.zeros((n, n))
     for name, weight in p.state_weights.items():
@@ -133,11 +135,15 @@ def _sensitivities(p: Problem, state: FloatArray, count: int) -> FloatArray:
     if not (count and swing.any()):
         return np.zeros(count)
     if len(p.robust) > 1:
-        raise PlanError(f"robust = {p.robust} with a swinging end; must be one parameter there: leave the others out")
+        raise PlanError(
+            f"robust = {p.robust} with a swinging end; must be one parameter there: leave the others out"
+        )
     more = list[float]()
     for k in _moved_modes(p.model, cart, p.robust):
         high, low = _around(p.model, cart, p.robust[0])
-        z = complex((high.filters[k] - low.filters[k]) @ swing / (high.rates_1_s[k] - low.rates_1_s[k]))
+        z = complex(
+            (high.filters[k] - low.filters[k]) @ swing / (high.rates_1_s[k] - low.rates_1_s[k])
+        )
         more += [z.real, z.imag]
     return np.array(more)
 
@@ -157,16 +163,29 @@ def _system(model: Model, input: str, lag_s: float, robust: tuple[str, ...]) -> 
         rate, row, z = modes.rates_1_s[k], modes.filters[k], n + 2 * i
         a[z : z + 2, z : z + 2] = [[rate.real, -rate.imag], [rate.imag, rate.real]]
         a[z, swing], a[z + 1, swing] = row.real, row.imag
-    names = tuple(f"mode_{k // 2 + 1}_sensitivity_{part}" for k in moved for part in ("real", "imaginary"))
+    names = tuple(
+        f"mode_{k // 2 + 1}_sensitivity_{part}" for k in moved for part in ("real", "imaginary")
+    )
     return System((*space.states, *names), a, b, _spectrum(model, input, lag_s, modes, moved, n))
 
 
-def _spectrum(model: Model, input: str, lag_s: float, modes: Modes, moved: tuple[int, ...], n: int) -> Spectrum:
+def _spectrum(
+    model: Model, input: str, lag_s: float, modes: Modes, moved: tuple[int, ...], n: int
+) -> Spectrum:
     """Rows of the platform, of each mode, of each sensitivity, of the filter; with a filter, xi of what follows it is
     q (1 + rate lag) + lag a, so that its impulse response has no part of the filter."""
     jerk = input == "jerk"
-    lag, size, swing = (lag_s if jerk else 0.0), n + 2 * len(moved), slice(2, 2 + 2 * model.links_count)
-    rates, powers, drivers, rows = [0j, 0j], [0, 1], [0, 0], np.zeros((size, size), dtype=np.complex128)
+    lag, size, swing = (
+        (lag_s if jerk else 0.0),
+        n + 2 * len(moved),
+        slice(2, 2 + 2 * model.links_count),
+    )
+    rates, powers, drivers, rows = (
+        [0j, 0j],
+        [0, 1],
+        [0, 0],
+        np.zeros((size, size), dtype=np.complex128),
+    )
     rows[0, 1] = rows[1, 0] = 1.0
     rows[1, 1] = lag
     whole = 1.0
@@ -188,7 +207,10 @@ def _spectrum(model: Model, input: str, lag_s: float, modes: Modes, moved: tuple
     for i, k in enumerate(moved):
         for mode, sign in ((k, 1j), (k + 1, -1j)):
             row, rate, z = len(rates), complex(modes.rates_1_s[mode]), n + 2 * i
-            rows[row, z], rows[row, z + 1] = whole * (1.0 + rate * lag), whole * (1.0 + rate * lag) * sign
+            rows[row, z], rows[row, z + 1] = (
+                whole * (1.0 + rate * lag),
+                whole * (1.0 + rate * lag) * sign,
+            )
             rows[row, swing] = lag * modes.filters[mode]
             rates, powers, drivers = [*rates, rate], [*powers, 1], [*drivers, at[mode]]
     if jerk:
@@ -197,7 +219,9 @@ def _spectrum(model: Model, input: str, lag_s: float, modes: Modes, moved: tuple
     return _sorted_out(rates, powers, drivers, rows)
 
 
-def _sorted_out(rates: list[complex], powers: list[int], drivers: list[int], rows: ComplexArray) -> Spectrum:
+def _sorted_out(
+    rates: list[complex], powers: list[int], drivers: list[int], rows: ComplexArray
+) -> Spectrum:
     keys = list(zip(rates, powers, strict=True))
     partners = np.array([keys.index((rate.conjugate(), power)) for rate, power in keys])
     r, k, d = np.array(rates, dtype=np.complex128), np.array(powers), np.array(drivers)
@@ -206,7 +230,9 @@ def _sorted_out(rates: list[complex], powers: list[int], drivers: list[int], row
     a[k == 1, d[k == 1]] = 1.0
     first = np.flatnonzero(k == 0)
     place = np.searchsorted(first, d)
-    pairs = Pairs(np.add.outer(r[first], r[first].conj()), place[:, None], place, np.add.outer(k, k))
+    pairs = Pairs(
+        np.add.outer(r[first], r[first].conj()), place[:, None], place, np.add.outer(k, k)
+    )
     return Spectrum(r, k, d, partners, rows, np.linalg.inv(rows).astype(np.complex128), a, b, pairs)
 
 

@@ -15,7 +15,9 @@ from planners.trajectories.cells import Polynomials
 from planners.trajectories.pieces import ComplexArray
 from planners.trajectories.trajectory import Trajectory
 
-TAYLOR = 1.0 / np.array([math.factorial(k) for k in range(20)]).reshape(5, 4)  # 1/20! = 4e-19: enough for norm <= 1
+TAYLOR = 1.0 / np.array([math.factorial(k) for k in range(20)]).reshape(
+    5, 4
+)  # 1/20! = 4e-19: enough for norm <= 1
 DEGREE = 18  # of the polynomial pieces of a step of norm <= 1
 REFINEMENTS = 2
 MOST_CELLS = 16384  # polynomial pieces of a plan with state weights
@@ -83,16 +85,23 @@ def _doubled(linear: LinearProblem) -> list[_Reach]:
         if linear.q.any():
             middle = np.linalg.inv(np.eye(n) - g @ h)
             through = phi @ middle
-            levels.append(_Reach(through @ phi, g + through @ g @ adjoint, h + adjoint @ h @ middle @ phi))
+            levels.append(
+                _Reach(through @ phi, g + through @ g @ adjoint, h + adjoint @ h @ middle @ phi)
+            )
         else:
             levels.append(_Reach(phi @ phi, g + phi @ g @ adjoint, h))
     return levels
 
 
-def _cells(problem: Problem, linear: LinearProblem, levels: list[_Reach], costate: ComplexArray) -> Trajectory:
+def _cells(
+    problem: Problem, linear: LinearProblem, levels: list[_Reach], costate: ComplexArray
+) -> Trajectory:
     """Modes and costates where intervals meet, by halving from the whole down; a Taylor polynomial on each."""
     spectrum = linear.system.spectrum
-    x, p = (spectrum.rows @ linear.start)[:, None], costate[:, None]  # (n, intervals): modes left, costate right
+    x, p = (
+        (spectrum.rows @ linear.start)[:, None],
+        costate[:, None],
+    )  # (n, intervals): modes left, costate right
     for phi, g, h in reversed(levels[:-1]):
         adjoint = phi.conj().T
         middle = np.linalg.solve(np.eye(len(x)) - g @ h, phi @ x + g @ adjoint @ p)
@@ -108,7 +117,9 @@ def _cells(problem: Problem, linear: LinearProblem, levels: list[_Reach], costat
         coefficients.append((row @ z).real / (k * (k - 1)))
         z = s @ z / (k - 1)
     pieces = Polynomials(np.full(len(coefficients[0]), duration_s), np.transpose(coefficients))
-    return Trajectory(checked_end(problem, "matrix_exponential", pieces, pieces[-1].value(duration_s)))
+    return Trajectory(
+        checked_end(problem, "matrix_exponential", pieces, pieces[-1].value(duration_s))
+    )
 
 
 def _exponential(matrix: ComplexArray) -> ComplexArray:

@@ -21,7 +21,9 @@ RADIANS = 0.1  # of a mode's phase or decay in an interval: a quintic leaves 0.1
 ROUNDING = 1e-9
 FASTEST = 1e8  # time constants of the fastest mode in a move: its intervals must survive rounding
 TINY_RAD = 1e-300  # a denormal swing has no digits left to meet END_SWING
-END_SWING = 1e-6  # of what the platform's acceleration could swing the load by if it never cancelled
+END_SWING = (
+    1e-6  # of what the platform's acceleration could swing the load by if it never cancelled
+)
 
 
 class Nodes(NamedTuple):
@@ -61,15 +63,23 @@ def graded_grid(conditions: Conditions) -> FloatArray:
     an interval, so intervals may grow there as exp(|Re rate| t / 4): the jerk model's filter costs 30 of them, not T/tau of
     each. Raises PlanError beyond 20 000, or for a mode that ends within rounding of the move's ends.
     """
-    out = conditions.way_out if conditions.linear else "weigh the states less, or give the move less time"
+    out = (
+        conditions.way_out
+        if conditions.linear
+        else "weigh the states less, or give the move less time"
+    )
     fastest = float(np.abs(conditions.rates_1_s).max()) * conditions.time_s
     if not fastest <= FASTEST:
         raise PlanError(
             f"time_s = {conditions.time_s} is {fastest:.3g} time constants of the fastest motion that model, state_weights "
             f"and input_weight make; must be <= {FASTEST:g} for a numerical solver: {out}"
         )
-    rates = conditions.rates_1_s[np.abs(conditions.rates_1_s) * conditions.time_s > FEWEST * RADIANS]
-    fast = sorted({(float(abs(rate.real)) / 4.0, float(abs(rate)) / RADIANS) for rate in rates.tolist()})
+    rates = conditions.rates_1_s[
+        np.abs(conditions.rates_1_s) * conditions.time_s > FEWEST * RADIANS
+    ]
+    fast = sorted(
+        {(float(abs(rate.real)) / 4.0, float(abs(rate)) / RADIANS) for rate in rates.tolist()}
+    )
     middle, t = conditions.time_s / 2.0, [0.0]
     while t[-1] < middle * (1.0 - ROUNDING):
         density = FEWEST / conditions.time_s
@@ -85,7 +95,11 @@ def graded_grid(conditions: Conditions) -> FloatArray:
 
 
 def through_nodes(
-    t_s: FloatArray, position_m: FloatArray, speed_m_s: FloatArray, acceleration_m_s2: FloatArray, origin_m: float = 0.0
+    t_s: FloatArray,
+    position_m: FloatArray,
+    speed_m_s: FloatArray,
+    acceleration_m_s2: FloatArray,
+    origin_m: float = 0.0,
 ) -> Trajectory:
     """Quintics that meet position (from origin_m), speed and acceleration at every node: (N+1,) each."""
     h = np.diff(t_s)
@@ -97,10 +111,14 @@ def through_nodes(
     c4 = (-15.0 * rise + 7.0 * speed - push) / h
     c5 = (6.0 * rise - 3.0 * speed + push / 2.0) / h**2
     rows = np.column_stack([origin_m + y, v, a / 2.0, c3, c4, c5]).tolist()
-    return Trajectory(tuple(ExpPolynomial(d, tuple(c)) for d, c in zip(h.tolist(), rows, strict=True)))
+    return Trajectory(
+        tuple(ExpPolynomial(d, tuple(c)) for d, c in zip(h.tolist(), rows, strict=True))
+    )
 
 
-def checked_trajectory(problem: Problem, solved: Conditions, t_s: FloatArray, z: FloatArray, planner: str) -> Trajectory:
+def checked_trajectory(
+    problem: Problem, solved: Conditions, t_s: FloatArray, z: FloatArray, planner: str
+) -> Trajectory:
     """The trajectory through z (2n, N+1), played on the load: it must bring it to the goal state.
 
     Raises NotConverged when it does not.
@@ -117,7 +135,10 @@ def checked_trajectory(problem: Problem, solved: Conditions, t_s: FloatArray, z:
         end = np.concatenate([swing.angle_rad[-1], swing.angular_velocity_rad_s[-1]])
     else:
         rates = modes.rates_1_s
-        q = np.exp(rates * solved.time_s) * (modes.filters @ start[2:]) + np.exp(np.outer(rates, left_s)) @ pushes
+        q = (
+            np.exp(rates * solved.time_s) * (modes.filters @ start[2:])
+            + np.exp(np.outer(rates, left_s)) @ pushes
+        )
         end = (modes.shapes @ q).real
     missed = model.amplitude_rad(*np.split(end - goal[2:], 2))
     if not missed <= bound:

@@ -43,7 +43,12 @@ class TruePendulum:
 
     def slope(self, z: FloatArray) -> FloatArray:
         """z': (2n, N) -> (2n, N)."""
-        n, a, (th, w), (_, pth, pw) = self.states_count, self.acceleration(z), z[2:4], self._costates(z)
+        n, a, (th, w), (_, pth, pw) = (
+            self.states_count,
+            self.acceleration(z),
+            z[2:4],
+            self._costates(z),
+        )
         sin, cos = np.sin(th), np.cos(th)
         out = np.zeros_like(z)
         out[0], out[1], out[2] = z[1], a, w

@@ -72,7 +72,10 @@ def _aim(asked: Conditions, costate: FloatArray, work: Budget) -> FloatArray:
         except np.linalg.LinAlgError:
             break
         there, slope = _shot(asked, begin + step, work)
-        while not np.linalg.norm(there) <= (1.0 - share / 4.0) * np.linalg.norm(miss) and share > SHORTEST_STEP:
+        while (
+            not np.linalg.norm(there) <= (1.0 - share / 4.0) * np.linalg.norm(miss)
+            and share > SHORTEST_STEP
+        ):
             share /= 2.0
             there, slope = _shot(asked, begin + share * step, work)
         if share <= SHORTEST_STEP:
@@ -102,7 +105,9 @@ def _shot(asked: Conditions, begin: FloatArray, work: Budget) -> tuple[FloatArra
         work.spend(cost)
         columns = flat.reshape(2 * n, n + 1)
         z = columns[:, :1] * size[:, None]
-        return np.hstack([asked.slope(z) / size[:, None], (asked.jacobian(z)[:, :, 0] * ratio) @ columns[:, 1:]]).ravel()
+        return np.hstack(
+            [asked.slope(z) / size[:, None], (asked.jacobian(z)[:, :, 0] * ratio) @ columns[:, 1:]]
+        ).ravel()
 
     def lost(_: float, flat: FloatArray) -> float:
         return LOST - float(np.abs(flat[: n * (n + 1) : n + 1]).max())
@@ -110,7 +115,13 @@ def _shot(asked: Conditions, begin: FloatArray, work: Budget) -> tuple[FloatArra
     lost.terminal = True  # type: ignore[attr-defined]
     first = np.column_stack([begin, np.eye(2 * n)[:, n:]]).ravel()
     done = solve_ivp(
-        slope, (0.0, asked.time_s), first, "DOP853", rtol=RELATIVE, atol=ABSOLUTE, events=None if asked.linear else lost
+        slope,
+        (0.0, asked.time_s),
+        first,
+        "DOP853",
+        rtol=RELATIVE,
+        atol=ABSOLUTE,
+        events=None if asked.linear else lost,
     )
     if done.status != 0:
         return np.full(n, np.inf), np.eye(n)
@@ -129,4 +140,6 @@ def _integrate(asked: Conditions, begin: FloatArray, t_s: FloatArray, work: Budg
         return asked.slope((z * size)[:, None])[:, 0] / size
 
     span = (0.0, asked.time_s)
-    return np.asarray(solve_ivp(slope, span, begin, "DOP853", t_eval=t_s, rtol=RELATIVE, atol=ABSOLUTE).y)
+    return np.asarray(
+        solve_ivp(slope, span, begin, "DOP853", t_eval=t_s, rtol=RELATIVE, atol=ABSOLUTE).y
+    )

@@ -44,7 +44,9 @@ def hermite_birkhoff(conditions: Sequence[Condition]) -> Trajectory:
     rows = matrix / scale[:, None]
     left, sizes, _ = np.linalg.svd(rows)
     if sizes[-1] <= SINGULAR * sizes[0]:
-        clash = [str(c) for c, share in zip(conditions, np.abs(left[:, -1]), strict=True) if share > 1e-6]
+        clash = [
+            str(c) for c, share in zip(conditions, np.abs(left[:, -1]), strict=True) if share > 1e-6
+        ]
         raise PlanError(
             f"conditions {', '.join(clash)} clash: singular values {sizes[-1]:.3g} to {sizes[0]:.3g}; their ratio must be "
             f"> {SINGULAR:g}: move one in time or replace it"
@@ -53,7 +55,12 @@ def hermite_birkhoff(conditions: Sequence[Condition]) -> Trajectory:
     answer = np.linalg.solve(rows, wanted)
     piece = _piece(answer, half_s)
     start_s = float(times.min())
-    found = np.array([piece.at(np.array(c.t_s - start_s), c.order) * half_s**c.order for c in conditions]) / scale
+    found = (
+        np.array(
+            [piece.at(np.array(c.t_s - start_s), c.order) * half_s**c.order for c in conditions]
+        )
+        / scale
+    )
     worst = float(np.abs(found - wanted).max())
     if not worst <= RESIDUAL * float(np.abs(answer).sum()):
         raise NotConverged(
@@ -67,17 +74,27 @@ def _check(conditions: Sequence[Condition]) -> None:
     n = len(conditions)
     check_range("number of conditions", n, 2, MOST, "split the move, or take a spline")
     for c in conditions:
-        check_range(f"time of condition {c}", c.t_s, -bounds.LONGEST_S, bounds.LONGEST_S, "mend or drop it")
+        check_range(
+            f"time of condition {c}", c.t_s, -bounds.LONGEST_S, bounds.LONGEST_S, "mend or drop it"
+        )
         bounds.rate(f"condition {c}", c.value)
         if not 0 <= c.order < n:
             raise PlanError(
                 f"condition {c} among {n}; its order must be 0 to {n - 1}, the degree: add conditions of lower order"
             )
-    twice = [f"q^({order})({t_s:g} s)" for (t_s, order), k in Counter((c.t_s, c.order) for c in conditions).items() if k > 1]
+    twice = [
+        f"q^({order})({t_s:g} s)"
+        for (t_s, order), k in Counter((c.t_s, c.order) for c in conditions).items()
+        if k > 1
+    ]
     if twice:
-        raise PlanError(f"condition {twice[0]} is given more than once; must be given once: drop one")
+        raise PlanError(
+            f"condition {twice[0]} is given more than once; must be given once: drop one"
+        )
     if len({c.t_s for c in conditions}) < 2:
-        raise PlanError(f"conditions at {len({c.t_s for c in conditions})} times; must be >= 2: add one at another time")
+        raise PlanError(
+            f"conditions at {len({c.t_s for c in conditions})} times; must be >= 2: add one at another time"
+        )
     bounds.duration(max(c.t_s for c in conditions) - min(c.t_s for c in conditions))
     for order in range(n):  # Polya: the derivatives below an order alone must fix as many powers
         lower = sum(c.order <= order for c in conditions)
@@ -93,7 +110,12 @@ def _matrix(conditions: Sequence[Condition], x: FloatArray) -> FloatArray:
     from numpy.polynomial.chebyshev import chebder, chebval
 
     basis = np.eye(len(conditions))
-    return np.array([chebval(place, chebder(basis, c.order)) for c, place in zip(conditions, x.tolist(), strict=True)])
+    return np.array(
+        [
+            chebval(place, chebder(basis, c.order))
+            for c, place in zip(conditions, x.tolist(), strict=True)
+        ]
+    )
 
 
 def _piece(series: FloatArray, half_s: float) -> ExpPolynomial:

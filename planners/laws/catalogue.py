@@ -63,9 +63,15 @@ def minimum_time_s(
     name, a limit out of bounds, no finite limit, and a jerk limit for a law whose acceleration has a step.
     """
     row, h = coefficients(name), abs(bounds.distance(distance_m))
-    limits = {"speed_m_s": speed_m_s, "acceleration_m_s2": acceleration_m_s2, "jerk_m_s3": jerk_m_s3}
+    limits = {
+        "speed_m_s": speed_m_s,
+        "acceleration_m_s2": acceleration_m_s2,
+        "jerk_m_s3": jerk_m_s3,
+    }
     if not any(math.isfinite(bounds.limit(*item)) for item in limits.items()):
-        raise PlanError(f"limits {limits} of law {name}; one at least must be finite: give a speed or an acceleration")
+        raise PlanError(
+            f"limits {limits} of law {name}; one at least must be finite: give a speed or an acceleration"
+        )
     if math.isfinite(jerk_m_s3) and math.isinf(row.cj):
         raise PlanError(
             f"jerk_m_s3 = {jerk_m_s3} for law {name} of class {row.continuity}; it must be C2 or smoother, as a step in the "

@@ -21,10 +21,14 @@ def double_s(duration_s: float, alpha: float = 1 / 3, beta: float = 1 / 2) -> Tr
     Shares > 0 and <= 1/2.
     """
     ramp_s = bounds.half("alpha", alpha) * bounds.duration(duration_s)
-    return double_s_by_ramp(1.0, duration_s, ramp_s, bounds.half("beta", beta) * ramp_s).trajectory()
+    return double_s_by_ramp(
+        1.0, duration_s, ramp_s, bounds.half("beta", beta) * ramp_s
+    ).trajectory()
 
 
-def double_s_by_ramp(distance_m: float, duration_s: float, ramp_s: float, jerk_s: float) -> RectCascade:
+def double_s_by_ramp(
+    distance_m: float, duration_s: float, ramp_s: float, jerk_s: float
+) -> RectCascade:
     """Given T, Ta and Tj: speed h/(T-Ta), acceleration speed/(Ta-Tj), jerk acceleration/Tj.
 
     Raises PlanError unless 0 < ramp_s <= duration_s / 2 and 0 < jerk_s <= ramp_s / 2.
@@ -57,7 +61,11 @@ class Ramp:
 
     def segments(self, jerk_m_s3: float) -> list[tuple[float, float]]:
         """(duration [s], jerk [m/s^3]) of its three parts."""
-        return [(self.jerk_s, jerk_m_s3), (self.duration_s - 2.0 * self.jerk_s, 0.0), (self.jerk_s, -jerk_m_s3)]
+        return [
+            (self.jerk_s, jerk_m_s3),
+            (self.duration_s - 2.0 * self.jerk_s, 0.0),
+            (self.jerk_s, -jerk_m_s3),
+        ]
 
 
 @dataclass(frozen=True)
@@ -105,9 +113,15 @@ def double_s_within(
     for each ramp by itself, so that ends may differ. Refused by name: an end speed against the move or above the limit, a
     distance too short for the change of speed. Raises PlanError, Infeasible.
     """
-    for name, value in (("speed_m_s", speed_m_s), ("acceleration_m_s2", acceleration_m_s2), ("jerk_m_s3", jerk_m_s3)):
+    for name, value in (
+        ("speed_m_s", speed_m_s),
+        ("acceleration_m_s2", acceleration_m_s2),
+        ("jerk_m_s3", jerk_m_s3),
+    ):
         if not math.isfinite(bounds.limit(name, value)):
-            raise PlanError(f"{name} = {value} of a double S; must be finite: give the limit, or take a trapezoid")
+            raise PlanError(
+                f"{name} = {value} of a double S; must be finite: give the limit, or take a trapezoid"
+            )
     h, sign = abs(bounds.distance(distance_m)), math.copysign(1.0, distance_m)
     start, end = sign * start_speed_m_s, sign * end_speed_m_s
     for name, value in (("start_speed_m_s", start), ("end_speed_m_s", end)):
@@ -138,9 +152,13 @@ def _check_end(name: str, value: float, along: float, speed_m_s: float, h: float
             f"{name} = {value} points against the move; must point along it or be 0: brake first, in a move of its own"
         )
     if not along <= speed_m_s:
-        raise PlanError(f"{name} = {value} with a limit of {speed_m_s} m/s; its size must be within it: raise the limit")
+        raise PlanError(
+            f"{name} = {value} with a limit of {speed_m_s} m/s; its size must be within it: raise the limit"
+        )
     if along and not h:
-        raise PlanError(f"{name} = {value} over 0 m; must be 0, as the move lasts 0 s: leave the move out")
+        raise PlanError(
+            f"{name} = {value} over 0 m; must be 0, as the move lasts 0 s: leave the move out"
+        )
 
 
 def _root(spare: Callable[[float], float], low: float, high: float) -> float:

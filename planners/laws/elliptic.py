@@ -29,7 +29,9 @@ def elliptic(duration_s: float, axis_ratio: float = 1.2) -> Trajectory:
     from numpy.polynomial import Polynomial
 
     bounds.duration(duration_s)
-    check_range("axis_ratio", axis_ratio, 1.0, LONGEST_AXIS, "take a shorter ellipse; 1 is the harmonic law")
+    check_range(
+        "axis_ratio", axis_ratio, 1.0, LONGEST_AXIS, "take a shorter ellipse; 1 is the harmonic law"
+    )
     alpha = 1.0 - 1.0 / axis_ratio**2
     cosine = _Term(Polynomial([1.0]), True, 0.5)
     terms = list(accumulate(repeat(alpha, HIGHEST_ORDER), _Term.slope, initial=cosine))

@@ -30,7 +30,9 @@ def fourier(duration_s: float, shares: Mapping[int, float]) -> Trajectory:
             "divide them by their sum"
         )
     turn = 2.0 * math.pi
-    modes = tuple(Mode(1j * turn * n / duration_s, (1j * c / (turn * n),)) for n, c in shares.items())
+    modes = tuple(
+        Mode(1j * turn * n / duration_s, (1j * c / (turn * n),)) for n, c in shares.items()
+    )
     return Trajectory((ExpPolynomial(duration_s, (0.0, 1.0 / duration_s), modes),))
 
 

@@ -15,4 +15,6 @@ def harmonic(duration_s: float) -> Trajectory:
     Its acceleration is pi^2/(2 T^2) cos(pi t / T); source 000 prints it twice as large in one of two places.
     """
     bounds.duration(duration_s)
-    return Trajectory((ExpPolynomial(duration_s, (0.5,), (Mode(1j * math.pi / duration_s, (-0.5 + 0j,)),)),))
+    return Trajectory(
+        (ExpPolynomial(duration_s, (0.5,), (Mode(1j * math.pi / duration_s, (-0.5 + 0j,)),)),)
+    )

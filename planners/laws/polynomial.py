@@ -24,14 +24,23 @@ def between(start: Sequence[float], end: Sequence[float], duration_s: float) -> 
     bounds.duration(duration_s)
     for name, state in (("start", start), ("end", end)):
         if not 1 <= len(state) <= SMOOTHEST + 1:
-            raise PlanError(f"{name} = {tuple(state)}; must hold 1 to {SMOOTHEST + 1} numbers: give position, speed, ...")
+            raise PlanError(
+                f"{name} = {tuple(state)}; must hold 1 to {SMOOTHEST + 1} numbers: give position, speed, ..."
+            )
         for k, value in enumerate(state):
             bounds.rate(f"{name}[{k}]", value)
     m, n, origin = len(start), len(end), float(start[0])
-    head = [d * duration_s**k / factorial(k) for k, d in enumerate((0.0, *start[1:]))]  # powers of x = t / T
-    goal = [d * duration_s**k / factorial(k) for k, d in enumerate((end[0] - origin, *end[1:]))]  # powers of x - 1
+    head = [
+        d * duration_s**k / factorial(k) for k, d in enumerate((0.0, *start[1:]))
+    ]  # powers of x = t / T
+    goal = [
+        d * duration_s**k / factorial(k) for k, d in enumerate((end[0] - origin, *end[1:]))
+    ]  # powers of x - 1
     lack = [g - sum(comb(i, k) * head[i] for i in range(k, m)) for k, g in enumerate(goal)]
-    rest = [sum(lack[j] * (-1) ** (i - j) * comb(m + i - j - 1, i - j) for j in range(i + 1)) for i in range(n)]
+    rest = [
+        sum(lack[j] * (-1) ** (i - j) * comb(m + i - j - 1, i - j) for j in range(i + 1))
+        for i in range(n)
+    ]
     tail = [sum(rest[i] * (-1) ** (i - k) * comb(i, k) for i in range(k, n)) for k in range(n)]
     powers = [c / duration_s**k for k, c in enumerate((*head, *tail))]
     return Trajectory((polynomial(duration_s, (powers[0] + origin, *powers[1:])),))
@@ -44,7 +53,9 @@ def rest_to_rest(n: int, duration_s: float) -> Trajectory:
     """
     bounds.duration(duration_s)
     if not 1 <= n <= SMOOTHEST:
-        raise PlanError(f"n = {n} derivatives at rest; must be 1 to {SMOOTHEST}, or rounding spoils the ends: take fewer")
+        raise PlanError(
+            f"n = {n} derivatives at rest; must be 1 to {SMOOTHEST}, or rounding spoils the ends: take fewer"
+        )
     scale = factorial(2 * n + 1) // factorial(n) ** 2
     powers = [0.0] * (n + 1) + [scale * comb(n, k) * (-1) ** k / (n + k + 1) for k in range(n + 1)]
     return Trajectory((polynomial(duration_s, [c / duration_s**j for j, c in enumerate(powers)]),))

@@ -36,9 +36,17 @@ class RectCascade:
         bounds.distance(self.distance_m)
         for k, time_s in enumerate(self.times_s):
             if time_s:
-                check_range(f"times_s[{k}]", time_s, SHORTEST_S, bounds.LONGEST_S, "give the rect's length, or 0 for none")
+                check_range(
+                    f"times_s[{k}]",
+                    time_s,
+                    SHORTEST_S,
+                    bounds.LONGEST_S,
+                    "give the rect's length, or 0 for none",
+                )
         if self.distance_m and not self.duration_s:
-            raise PlanError(f"distance_m = {self.distance_m} in times_s of sum 0; the sum must be > 0: give it time")
+            raise PlanError(
+                f"distance_m = {self.distance_m} in times_s of sum 0; the sum must be > 0: give it time"
+            )
 
     @property
     def duration_s(self) -> float:
@@ -57,7 +65,9 @@ class RectCascade:
     def trajectory(self) -> Trajectory:
         """Up to 2^n - 1 polynomials of degree n for n rects; a move of no length and time stands still for a nanosecond."""
         times = [time_s for time_s in self.times_s if time_s]
-        steps = [(Fraction(0), 1)]  # of the derivative of order n: +-1 at every sum of some of the lengths, exactly
+        steps = [
+            (Fraction(0), 1)
+        ]  # of the derivative of order n: +-1 at every sum of some of the lengths, exactly
         for time_s in times:
             steps += [(instant + Fraction(time_s), -sign) for instant, sign in steps]
         steps.sort()
@@ -76,11 +86,15 @@ class RectCascade:
         LIMITS names, and when none is finite.
         """
         if len(limits) > len(LIMITS):
-            raise PlanError(f"{len(limits)} limits of a law; must be <= {len(LIMITS)}, up to the snap: leave the others out")
+            raise PlanError(
+                f"{len(limits)} limits of a law; must be <= {len(LIMITS)}, up to the snap: leave the others out"
+            )
         for name, value in zip(LIMITS, limits, strict=False):
             bounds.limit(name, value)
         if not any(map(math.isfinite, limits)):
-            raise PlanError(f"limits = {tuple(limits)} of a law; one at least must be finite: give a speed or an acceleration")
+            raise PlanError(
+                f"limits = {tuple(limits)} of a law; one at least must be finite: give a speed or an acceleration"
+            )
         while not math.isfinite(limits[-1]):
             limits = limits[:-1]
         distance = abs(bounds.distance(distance_m))
@@ -110,10 +124,14 @@ def _lowered(value: float, limits: Sequence[float]) -> float:
     # a rise to y under a bound L of the m-th next derivative lasts (y/L)^(1/m) or longer
     high = min((value**m * bound) ** (1.0 / (m + 1)) for m, bound in enumerate(limits))
     low = value / math.fsum(_rise(high, limits[1:]))
-    return float(brentq(spare, low * (1.0 - 1e-12), high * (1.0 + 1e-12), xtol=1e-300, rtol=8.9e-16))
+    return float(
+        brentq(spare, low * (1.0 - 1e-12), high * (1.0 + 1e-12), xtol=1e-300, rtol=8.9e-16)
+    )
 
 
-def fifteen_segments(duration_s: float, alpha: float = 1 / 3, beta: float = 1 / 2, gamma: float = 1 / 2) -> Trajectory:
+def fifteen_segments(
+    duration_s: float, alpha: float = 1 / 3, beta: float = 1 / 2, gamma: float = 1 / 2
+) -> Trajectory:
     """Constant snap in 15 segments, from 0 to 1 in T = duration_s: Ta = alpha T, Tj = beta Ta, Ts = gamma Tj (source 000).
 
     Shares > 0 and <= 1/2. Speed h/(T-Ta), acceleration speed/(Ta-Tj), jerk acceleration/(Tj-Ts), snap jerk/Ts.
@@ -121,4 +139,6 @@ def fifteen_segments(duration_s: float, alpha: float = 1 / 3, beta: float = 1 / 
     ramp_s = bounds.half("alpha", alpha) * bounds.duration(duration_s)
     jerk_s = bounds.half("beta", beta) * ramp_s
     snap_s = bounds.half("gamma", gamma) * jerk_s
-    return RectCascade(1.0, (duration_s - ramp_s, ramp_s - jerk_s, jerk_s - snap_s, snap_s)).trajectory()
+    return RectCascade(
+        1.0, (duration_s - ramp_s, ramp_s - jerk_s, jerk_s - snap_s, snap_s)
+    ).trajectory()

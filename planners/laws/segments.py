@@ -13,7 +13,9 @@ INSTANT_S = 1e-9  # a tick of the run clock: how long a move of no length stands
 SLIVER = 1e-14  # of the whole; a shorter segment is rounding of a tie and makes no piece of its own
 
 
-def integrated(start: Sequence[float], segments: Iterable[tuple[float | Fraction, float]]) -> Trajectory:
+def integrated(
+    start: Sequence[float], segments: Iterable[tuple[float | Fraction, float]]
+) -> Trajectory:
     """From a state through segments of (duration [s], constant value of the derivative after the state's last).
 
     start: position [m], speed, ... The state is carried exactly, as a rounding error of the acceleration would grow with the

@@ -14,7 +14,9 @@ ROUNDING = 1e-12  # a share of a bound that a number may miss it by
 
 def trapezoidal(duration_s: float, alpha: float = 1 / 3) -> Trajectory:
     """From 0 to 1 in T = duration_s with ramps of alpha T each, 0 < alpha <= 1/2 (source 000)."""
-    return trapezoidal_by_ramp(1.0, bounds.duration(duration_s), bounds.half("alpha", alpha) * duration_s).trajectory()
+    return trapezoidal_by_ramp(
+        1.0, bounds.duration(duration_s), bounds.half("alpha", alpha) * duration_s
+    ).trajectory()
 
 
 def triangular(duration_s: float) -> Trajectory:
@@ -22,7 +24,9 @@ def triangular(duration_s: float) -> Trajectory:
     return trapezoidal(duration_s, alpha=0.5)
 
 
-def trapezoidal_within(distance_m: float, speed_m_s: float, acceleration_m_s2: float) -> RectCascade:
+def trapezoidal_within(
+    distance_m: float, speed_m_s: float, acceleration_m_s2: float
+) -> RectCascade:
     """The fastest move under both limits: triangular when |distance| < speed^2 / acceleration (missing in source 002).
 
     Any sign of the distance; 0 makes a move of no duration. Raises PlanError for a limit out of bounds.
@@ -44,7 +48,9 @@ def trapezoidal_by_ramp(distance_m: float, duration_s: float, ramp_s: float) -> 
     return RectCascade(distance_m, (duration_s - ramp_s, ramp_s))
 
 
-def trapezoidal_by_acceleration(distance_m: float, duration_s: float, acceleration_m_s2: float) -> RectCascade:
+def trapezoidal_by_acceleration(
+    distance_m: float, duration_s: float, acceleration_m_s2: float
+) -> RectCascade:
     """Given T and a; over 0 m it stands still for T. Raises Infeasible with the minimum time when a < 4 |h| / T^2."""
     bounds.duration(duration_s)
     a, h = bounds.limit("acceleration_m_s2", acceleration_m_s2), abs(bounds.distance(distance_m))
@@ -56,7 +62,9 @@ def trapezoidal_by_acceleration(distance_m: float, duration_s: float, accelerati
         )
     inner_s = duration_s * math.sqrt(max(0.0, 1.0 - least / a))  # time of constant speed
     ramp_s = h / a / ((duration_s + inner_s) / 2.0)
-    return RectCascade(distance_m, (duration_s - ramp_s, ramp_s) if h else (duration_s / 2.0, duration_s / 2.0))
+    return RectCascade(
+        distance_m, (duration_s - ramp_s, ramp_s) if h else (duration_s / 2.0, duration_s / 2.0)
+    )
 
 
 def trapezoidal_by_speed(distance_m: float, duration_s: float, speed_m_s: float) -> RectCascade:

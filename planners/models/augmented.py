@@ -24,7 +24,11 @@ SAME_RATE = 1e-3  # eigenvalues of a Jordan block scatter by less, of the fastes
 
 
 def augmented(
-    model: Model, input: str, parameters: Sequence[str], *, states: Literal["angles", "all"] = "angles"
+    model: Model,
+    input: str,
+    parameters: Sequence[str],
+    *,
+    states: Literal["angles", "all"] = "angles",
 ) -> StateSpace:
     """The model's state space, and for each parameter p the sensitivities s = dx/dp of the angles and their rates.
 
@@ -35,7 +39,9 @@ def augmented(
     """
     space, n = model.state_space(input), model.links_count
     if len(set(parameters)) < len(parameters):
-        raise PlanError(f"parameters = {tuple(parameters)}; each must be there once: leave the repeated ones out")
+        raise PlanError(
+            f"parameters = {tuple(parameters)}; each must be there once: leave the repeated ones out"
+        )
     kept = slice(2 if states == "angles" else 0, 2 + 2 * n)
     names, size = space.states[kept], len(space.states)
     count = len(names)
@@ -112,7 +118,9 @@ def _slope(model: Model, input: str, name: str) -> FloatArray:
     return np.asarray(change / step)
 
 
-def _around(model: Model, input: str, name: str, step: float) -> tuple[FloatArray | None, FloatArray]:
+def _around(
+    model: Model, input: str, name: str, step: float
+) -> tuple[FloatArray | None, FloatArray]:
     """The matrices at the first stencil whose values are all the model's to take, and its weights."""
     value = model.parameters[name]
     for offsets, weights in STENCILS:

@@ -79,12 +79,16 @@ class ChainModel(Model):
             values = getattr(self, name) or (0.0,) * (n - 1)
             object.__setattr__(self, name, tuple(values))
             if len(values) != n - 1:
-                raise PlanError(f"{name}: {len(values)} values; must be {n - 1}, one for each joint between {n} links")
+                raise PlanError(
+                    f"{name}: {len(values)} values; must be {n - 1}, one for each joint between {n} links"
+                )
             for value in values:
                 check_range(name, value, 0.0, JOINTS, "use 0 for a free joint")
         check_range("tip_mass_kg", self.tip_mass_kg, 0.0, MASSES_KG[1], "weigh it")
         if not 0.0 <= self.damping_ratio < 1.0:
-            raise PlanError(f"damping_ratio = {self.damping_ratio}; must be >= 0 and < 1: use 0 where it was not measured")
+            raise PlanError(
+                f"damping_ratio = {self.damping_ratio}; must be >= 0 and < 1: use 0 where it was not measured"
+            )
         check_range("gravity_m_s2", self.gravity_m_s2, *GRAVITIES_M_S2, "use 9.81")
         check_range("cart_mass_kg", self.cart_mass_kg, *MASSES_KG, "weigh it")
 
@@ -97,16 +101,21 @@ class ChainModel(Model):
     def equations(self) -> Equations:
         """Each mass moves with y' + sum_j arms_ij cos(th_j) th_j'; the source's (4.1.6) for two bars."""
         lengths, masses = self._lengths_masses()
-        arms = np.tril(np.tile(lengths, (len(lengths), 1)), -1) + np.diag(lengths * self._centres())  # (n, n): mass, link
+        arms = np.tril(np.tile(lengths, (len(lengths), 1)), -1) + np.diag(
+            lengths * self._centres()
+        )  # (n, n): mass, link
         inertias = np.array([_inertia(link) for link in self.links])
         tip = self.tip_mass_kg
-        mass = arms.T @ (masses[:, None] * arms) + np.diag(inertias) + tip * np.outer(lengths, lengths)
+        mass = (
+            arms.T @ (masses[:, None] * arms) + np.diag(inertias) + tip * np.outer(lengths, lengths)
+        )
         coupling = masses @ arms + tip * lengths
         return Equations(
             mass_kg_m2=mass,
             coupling_kg_m=coupling,
             springs_n_m_rad=_between(self.stiffness_n_m_rad),
-            damping_n_m_s_rad=_between(self.joint_damping_n_m_s_rad) + self._modal_damping(mass, coupling),
+            damping_n_m_s_rad=_between(self.joint_damping_n_m_s_rad)
+            + self._modal_damping(mass, coupling),
             gravity_m_s2=self.gravity_m_s2,
             load_mass_kg=float(masses.sum()) + tip,
             cart_mass_kg=self.cart_mass_kg,
@@ -119,9 +128,15 @@ class ChainModel(Model):
         for i, link in enumerate(self.links):
             mark = f"_{i + 1}" if len(self.links) > 1 else ""
             values |= {f"length{mark}": link.length_m, f"mass{mark}": link.mass_kg}
-        for i, (k, c) in enumerate(zip(self.stiffness_n_m_rad, self.joint_damping_n_m_s_rad, strict=True)):
+        for i, (k, c) in enumerate(
+            zip(self.stiffness_n_m_rad, self.joint_damping_n_m_s_rad, strict=True)
+        ):
             values |= {f"stiffness_{i + 1}": k, f"joint_damping_{i + 1}": c}
-        common = ("tip_mass", self.tip_mass_kg), ("damping_ratio", self.damping_ratio), ("gravity", self.gravity_m_s2)
+        common = (
+            ("tip_mass", self.tip_mass_kg),
+            ("damping_ratio", self.damping_ratio),
+            ("gravity", self.gravity_m_s2),
+        )
         return values | dict(common) | {"cart_mass": self.cart_mass_kg}
 
     def with_parameter(self, name: str, value: float) -> Self:
@@ -139,13 +154,17 @@ class ChainModel(Model):
             link = self.links[i]
             new = link.resized(value) if kind == "length" else replace(link, mass_kg=value)
             return replace(self, links=(*self.links[:i], new, *self.links[i + 1 :]))
-        attribute = {"stiffness": "stiffness_n_m_rad", "joint_damping": "joint_damping_n_m_s_rad"}[kind]
+        attribute = {"stiffness": "stiffness_n_m_rad", "joint_damping": "joint_damping_n_m_s_rad"}[
+            kind
+        ]
         values = getattr(self, attribute)
         changes = {attribute: (*values[:i], value, *values[i + 1 :])}
         return replace(self, **changes)
 
     def _lengths_masses(self) -> tuple[FloatArray, FloatArray]:
-        return np.array([link.length_m for link in self.links]), np.array([link.mass_kg for link in self.links])
+        return np.array([link.length_m for link in self.links]), np.array(
+            [link.mass_kg for link in self.links]
+        )
 
     def _centres(self) -> FloatArray:
         """Centre of mass of each link as a share of its length."""

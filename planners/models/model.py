@@ -17,10 +17,16 @@ from planners.trajectories.pieces import ComplexArray, FloatArray
 Cart: TypeAlias = Literal["driven", "free"]
 
 INPUTS = ("acceleration", "force", "jerk")
-LENGTHS_M, MASSES_KG, GRAVITIES_M_S2 = (1e-3, 1e4), (1e-6, 1e9), (1e-3, 1e3)  # what a laboratory may hold
+LENGTHS_M, MASSES_KG, GRAVITIES_M_S2 = (
+    (1e-3, 1e4),
+    (1e-6, 1e9),
+    (1e-3, 1e3),
+)  # what a laboratory may hold
 JOINTS = 1e9  # N m/rad, N m s/rad: stiffer is a weld
 LAGS_S = (1e-6, 1e3)
-LAG_S = 1.0 / (2.0 * math.pi * 10.0)  # of the jerk model's filter: 10 Hz, the value behind source 004's tables
+LAG_S = 1.0 / (
+    2.0 * math.pi * 10.0
+)  # of the jerk model's filter: 10 Hz, the value behind source 004's tables
 
 
 def cart_of(input: str) -> Cart:
@@ -63,7 +69,9 @@ class Equations(NamedTuple):
             mass = mass - np.outer(c, c) / (self.cart_mass_kg + self.load_mass_kg)
         a, b = np.zeros((2 * n, 2 * n)), np.zeros(2 * n)
         a[:n, n:] = np.eye(n)
-        right = np.linalg.solve(mass, np.column_stack([self.stiffness_n_m_rad, self.damping_n_m_s_rad, c]))
+        right = np.linalg.solve(
+            mass, np.column_stack([self.stiffness_n_m_rad, self.damping_n_m_s_rad, c])
+        )
         a[n:, :n], a[n:, n:], b[n:] = -right[:, :n], -right[:, n : 2 * n], -right[:, 2 * n]
         return a, b
 
@@ -179,7 +187,9 @@ def _modes(model: Model, cart: Cart, damped: bool) -> Modes:
         rates, shapes = (part.astype(np.complex128) for part in np.linalg.eig(a))
     order = _paired(rates)
     rates, shapes = rates[order], shapes[:, order]
-    rates = np.minimum(rates.real, 0.0) + 1j * rates.imag  # what hangs does not grow; rounding may say so
+    rates = (
+        np.minimum(rates.real, 0.0) + 1j * rates.imag
+    )  # what hangs does not grow; rounding may say so
     try:
         filters = np.linalg.inv(shapes)
     except np.linalg.LinAlgError:
@@ -197,7 +207,9 @@ def _paired(rates: ComplexArray) -> NDArray[np.intp]:
     upper = np.flatnonzero(rates.imag > 0.0)
     upper = upper[np.argsort(np.abs(rates[upper]), kind="stable")]
     alone = np.flatnonzero(rates.imag == 0.0)
-    return np.concatenate([np.column_stack([upper, upper + 1]).ravel(), alone[np.argsort(np.abs(rates[alone]))]])
+    return np.concatenate(
+        [np.column_stack([upper, upper + 1]).ravel(), alone[np.argsort(np.abs(rates[alone]))]]
+    )
 
 
 def _undamped(a: FloatArray) -> tuple[ComplexArray, ComplexArray]:
@@ -230,12 +242,17 @@ def _state_space(model: Model, input: str, lag_s: float) -> StateSpace:
     else:
         a[1, -1], a[swing, -1] = 1.0, push
         a[-1, -1], b[-1, 0] = -1.0 / lag_s, 1.0 / lag_s
-    return StateSpace(_state_names(n, input), "force_n" if input == "force" else "acceleration_m_s2", a, b)
+    return StateSpace(
+        _state_names(n, input), "force_n" if input == "force" else "acceleration_m_s2", a, b
+    )
 
 
 def _state_names(n: int, input: str) -> tuple[str, ...]:
     marks = [""] if n == 1 else [f"_{i + 1}" for i in range(n)]
-    angles = [*(f"angle{mark}_rad" for mark in marks), *(f"angular_velocity{mark}_rad_s" for mark in marks)]
+    angles = [
+        *(f"angle{mark}_rad" for mark in marks),
+        *(f"angular_velocity{mark}_rad_s" for mark in marks),
+    ]
     return ("position_m", "speed_m_s", *angles, *(["acceleration_m_s2"] if input == "jerk" else []))
 
 
@@ -243,7 +260,11 @@ def _relative(space: StateSpace, n: int) -> StateSpace:
     to_absolute = np.eye(len(space.states))
     for first in (2, 2 + n):
         to_absolute[first : first + n, first : first + n] = np.tril(np.ones((n, n)))
-    later = {name for k, name in enumerate(space.states) if 3 <= k < 2 + n or 3 + n <= k < 2 + 2 * n}
+    later = {
+        name for k, name in enumerate(space.states) if 3 <= k < 2 + n or 3 + n <= k < 2 + 2 * n
+    }
     names = tuple(f"relative_{name}" if name in later else name for name in space.states)
     to_relative = np.asarray(np.linalg.inv(to_absolute), dtype=np.float64)
-    return StateSpace(names, space.input, to_relative @ space.a @ to_absolute, to_relative @ space.b)
+    return StateSpace(
+        names, space.input, to_relative @ space.a @ to_absolute, to_relative @ space.b
+    )

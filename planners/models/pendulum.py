@@ -38,7 +38,9 @@ class PendulumModel(Model):
     def __post_init__(self) -> None:
         check_range("length_m", self.length_m, *LENGTHS_M, "measure pivot to load")
         if not 0.0 <= self.damping_ratio < 1.0:
-            raise PlanError(f"damping_ratio = {self.damping_ratio}; must be >= 0 and < 1: use 0 where it was not measured")
+            raise PlanError(
+                f"damping_ratio = {self.damping_ratio}; must be >= 0 and < 1: use 0 where it was not measured"
+            )
         check_range("gravity_m_s2", self.gravity_m_s2, *GRAVITIES_M_S2, "use 9.81")
         check_range("mass_kg", self.mass_kg, *MASSES_KG, "weigh it")
         check_range("cart_mass_kg", self.cart_mass_kg, *MASSES_KG, "weigh it")

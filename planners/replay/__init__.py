@@ -39,31 +39,46 @@ def replay(
     Raises PlanError for a start that is not n finite numbers, or a load that spins too fast to be followed.
     """
     equations = model.equations
-    angles, rates = _start("angles_rad", angles_rad, model), _start("rates_rad_s", rates_rad_s, model)
+    angles, rates = (
+        _start("angles_rad", angles_rad, model),
+        _start("rates_rad_s", rates_rad_s, model),
+    )
     momenta = _momenta(equations, angles, rates, speed_before_m_s)
     play = play_one_link if model.links_count == 1 else play_several_links
     stretches = list(play(equations, trajectory, angles, momenta))
     t, angle, momentum, speed = (np.concatenate(parts) for parts in zip(*stretches, strict=True))
     t, speed = np.append(t, t[-1]), np.append(speed, speed_after_m_s)
     angle, momentum = np.vstack([angle, angle[-1]]), np.vstack([momentum, momentum[-1]])
-    return Swing(np.maximum.accumulate(t), angle, _angular_velocities(equations, angle, momentum, speed))
+    return Swing(
+        np.maximum.accumulate(t), angle, _angular_velocities(equations, angle, momentum, speed)
+    )
 
 
 def _start(name: str, values: ArrayLike | None, model: Model) -> FloatArray:
     n = model.links_count
     out = np.zeros(n) if values is None else np.atleast_1d(np.asarray(values, dtype=np.float64))
     if out.shape != (n,) or not np.isfinite(out).all():
-        raise PlanError(f"{name} = {out.tolist()}; must be {n} finite numbers, one for each link: leave it out for rest")
+        raise PlanError(
+            f"{name} = {out.tolist()}; must be {n} finite numbers, one for each link: leave it out for rest"
+        )
     return out
 
 
-def _momenta(equations: Equations, angles: FloatArray, rates: FloatArray, speed: float) -> FloatArray:
+def _momenta(
+    equations: Equations, angles: FloatArray, rates: FloatArray, speed: float
+) -> FloatArray:
     turned = equations.mass_kg_m2 * np.cos(angles[:, None] - angles)
     return np.asarray(turned @ rates + equations.coupling_kg_m * np.cos(angles) * speed)
 
 
-def _angular_velocities(equations: Equations, angles: FloatArray, momenta: FloatArray, speeds: FloatArray) -> FloatArray:
+def _angular_velocities(
+    equations: Equations, angles: FloatArray, momenta: FloatArray, speeds: FloatArray
+) -> FloatArray:
     """From angles and momenta (N, n) and speeds (N,): (N, n)."""
     c, s = np.cos(angles), np.sin(angles)
     turned = equations.mass_kg_m2 * (c[:, :, None] * c[:, None, :] + s[:, :, None] * s[:, None, :])
-    return np.asarray(np.linalg.solve(turned, (momenta - equations.coupling_kg_m * c * speeds[:, None])[:, :, None])[:, :, 0])
+    return np.asarray(
+        np.linalg.solve(
+            turned, (momenta - equations.coupling_kg_m * c * speeds[:, None])[:, :, None]
+        )[:, :, 0]
+    )

@@ -14,12 +14,16 @@ from planners.trajectories.cells import resolve
 from planners.trajectories.pieces import FloatArray, Piece, Smooth
 from planners.trajectories.trajectory import Trajectory
 
-STEPS_PER_RADIAN = 40.0  # of the load's own phase w t; leaves less than 1e-8 rad in 3 s of a 1 m cable
+STEPS_PER_RADIAN = (
+    40.0  # of the load's own phase w t; leaves less than 1e-8 rad in 3 s of a 1 m cable
+)
 STEPS_PER_CELL = 16  # of the commanded motion's fastest mode
 SPEED_ERROR = 1e-10  # of the speed over the length, in radians a piece, by Simpson's rule
 
 
-def play_one_link(equations: Equations, trajectory: Trajectory, angles: FloatArray, momenta: FloatArray) -> Iterator[Stretch]:
+def play_one_link(
+    equations: Equations, trajectory: Trajectory, angles: FloatArray, momenta: FloatArray
+) -> Iterator[Stretch]:
     """Plain floats: ten times faster than arrays of one."""
     link, inertia = _Link(equations), float(equations.mass_kg_m2[0, 0])
     theta, p = float(angles[0]), float(momenta[0]) / inertia
@@ -60,13 +64,17 @@ class _Link:
         elif piece.modes:
             cells = piece.cells
         phase = math.sqrt(self.weight + self.spring) * piece.duration_s
-        return max(math.ceil(STEPS_PER_RADIAN * phase), STEPS_PER_CELL * cells, self._simpson_steps(piece))
+        return max(
+            math.ceil(STEPS_PER_RADIAN * phase), STEPS_PER_CELL * cells, self._simpson_steps(piece)
+        )
 
     def _simpson_steps(self, piece: Piece) -> int:
         """How many integrate the polynomial's speed: Simpson's rule leaves d (d/n)^4 max|v''''| / 2880."""
         if isinstance(piece, Smooth) or len(piece.coefficients) < 6:
             return 1
-        bend = sum(abs(c) * math.perm(j, 5) * piece.duration_s**j for j, c in enumerate(piece.coefficients))
+        bend = sum(
+            abs(c) * math.perm(j, 5) * piece.duration_s**j for j, c in enumerate(piece.coefficients)
+        )
         return math.ceil(math.sqrt(math.sqrt(bend * self.reach / (2880.0 * SPEED_ERROR))))
 
     def rates(self, theta: float, p: float, push: float) -> tuple[float, float]:
@@ -74,7 +82,9 @@ class _Link:
         rate = p - push * math.cos(theta)
         return rate, -(self.weight + push * rate) * s - self.damping * rate - self.spring * theta
 
-    def step(self, theta: float, p: float, h: float, push0: float, push_middle: float, push1: float) -> tuple[float, float]:
+    def step(
+        self, theta: float, p: float, h: float, push0: float, push_middle: float, push1: float
+    ) -> tuple[float, float]:
         a1, b1 = self.rates(theta, p, push0)
         a2, b2 = self.rates(theta + h / 2 * a1, p + h / 2 * b1, push_middle)
         a3, b3 = self.rates(theta + h / 2 * a2, p + h / 2 * b2, push_middle)

@@ -20,7 +20,9 @@ NODES = 12  # of Gauss on a span, exact to degree 23
 FEW_NODES, SHORT_SPANS = 6, 8  # where so many spans share a step, each needs fewer
 RADIANS_PER_STEP = 1.5  # of the load's fastest mode
 POINTS = 24  # kept of a step
-RESOLVED = 1e-7  # what the last two terms of the rates' series may add to an angle [rad] or be left out
+RESOLVED = (
+    1e-7  # what the last two terms of the rates' series may add to an angle [rad] or be left out
+)
 ROUNDS = 24  # a step that does not settle in so many is halved; 12 to 15 are usual
 SETTLED = 1e-13  # change in the last round, in radians or of the state itself
 SHORTEST = 1e-4  # of a usual step; a load that asks for less spins out of any laboratory
@@ -57,7 +59,11 @@ def _steps(trajectory: Trajectory, step_s: float) -> Iterator[list[_Span]]:
     """The trajectory in steps of many short spans or one long span."""
     step: list[_Span] = []
     for start, piece in zip(trajectory.breaks_s.tolist(), trajectory.pieces, strict=False):
-        cells = resolve(piece, 1).halves_s.min() * 2.0 if isinstance(piece, Smooth) else piece.duration_s / piece.cells
+        cells = (
+            resolve(piece, 1).halves_s.min() * 2.0
+            if isinstance(piece, Smooth)
+            else piece.duration_s / piece.cells
+        )
         count = math.ceil(piece.duration_s / min(cells, step_s))
         h = piece.duration_s / count
         for k in range(count):
@@ -92,7 +98,9 @@ def _collocate(equations: Equations, spans: list[_Span], x: FloatArray) -> Stret
     )  # a radian, and what turns so far in the step
     nodes = np.tile(x, (len(spans), count, 1))  # (spans, count, 2n)
     for _ in range(ROUNDS):
-        rates = _rates(equations, nodes.reshape(-1, 2 * n), v[:, :count].ravel()).reshape(nodes.shape)
+        rates = _rates(equations, nodes.reshape(-1, 2 * n), v[:, :count].ravel()).reshape(
+            nodes.shape
+        )
         ends = x + np.cumsum(h * (to_points[-1:] @ rates), axis=0)  # (spans, 1, 2n)
         starts = np.concatenate([x[None, None], ends[:-1]])
         before, nodes = nodes, starts + h * (to_nodes @ rates)
@@ -102,7 +110,10 @@ def _collocate(equations: Equations, spans: list[_Span], x: FloatArray) -> Stret
             if np.abs(h * (to_tail @ rates[..., :n])).max() > RESOLVED:
                 return None
             path = (starts + h * (to_points @ rates)).reshape(-1, 2 * n)
-            times = [span.piece_start_s + span.begin_s + span.duration_s * places[count:] for span in spans]
+            times = [
+                span.piece_start_s + span.begin_s + span.duration_s * places[count:]
+                for span in spans
+            ]
             return Stretch(np.concatenate(times), path[:, :n], path[:, n:], v[:, count:].ravel())
     return None
 
@@ -116,7 +127,12 @@ def _rates(equations: Equations, states: FloatArray, speeds: FloatArray) -> Floa
     rate = np.linalg.solve(turned, (momenta - coupling * c * speeds[:, None])[:, :, None])[:, :, 0]
     spin = rate * (s * ((c * rate) @ mass) - c * ((s * rate) @ mass))
     fall = coupling * s * (speeds[:, None] * rate + equations.gravity_m_s2)
-    return np.hstack([rate, -spin - fall - angles @ equations.springs_n_m_rad - rate @ equations.damping_n_m_s_rad])
+    return np.hstack(
+        [
+            rate,
+            -spin - fall - angles @ equations.springs_n_m_rad - rate @ equations.damping_n_m_s_rad,
+        ]
+    )
 
 
 @lru_cache(maxsize=2)
@@ -130,4 +146,9 @@ def _gauss(nodes: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     to_integral = legint(to_series, lbnd=-1) / 2.0
     points = np.linspace(-1.0, 1.0, 1 + POINTS)
     to_points = legvander(points, nodes) @ to_integral
-    return (np.concatenate([x, points]) + 1.0) / 2.0, legvander(x, nodes) @ to_integral, to_points, to_series[-2:]
+    return (
+        (np.concatenate([x, points]) + 1.0) / 2.0,
+        legvander(x, nodes) @ to_integral,
+        to_points,
+        to_series[-2:],
+    )

@@ -25,7 +25,9 @@ class Swing(NamedTuple):
         root = np.sqrt(np.maximum(square**2 - 3.0 * cube * slope, 0.0))
         larger = -(square + np.copysign(root, square))
         with np.errstate(divide="ignore", invalid="ignore"):
-            turns = np.clip(np.nan_to_num([larger / (3.0 * cube), slope / larger]), 0.0, 1.0)  # where the slope is zero
+            turns = np.clip(
+                np.nan_to_num([larger / (3.0 * cube), slope / larger]), 0.0, 1.0
+            )  # where the slope is zero
         between = start + turns * (slope + turns * (square + turns * cube))
         return float(max(np.abs(between).max(), np.abs(self.angle_rad).max()))
 

@@ -16,13 +16,21 @@ from planners.trajectories.pieces import ComplexArray, FloatArray, Piece, Smooth
 from planners.trajectories.trajectory import Trajectory
 
 SAMPLES_PER_RADIAN = 50.0  # of the fastest mode: a parabola through each leaves 1e-6 of a peak
-RELATIVE, ABSOLUTE = 1e-9, 1e-11  # of a step of the nonlinear integration: a move ends within 1e-8 rad
+RELATIVE, ABSOLUTE = (
+    1e-9,
+    1e-11,
+)  # of a step of the nonlinear integration: a move ends within 1e-8 rad
 LONGEST_RAD = 1e4  # of the fastest mode: what is longer takes minutes
 WINDOW_S = 8.0  # after the move, in which the source's curves are read
 
 
 def residual_curve(
-    model: Model, trajectory: Trajectory, parameter: str, values: ArrayLike, *, nonlinear: bool = False
+    model: Model,
+    trajectory: Trajectory,
+    parameter: str,
+    values: ArrayLike,
+    *,
+    nonlinear: bool = False,
 ) -> FloatArray:
     """Amplitude [rad] that is left at the end of the move when `parameter` of the real load has each of the values (N,).
 
@@ -32,7 +40,9 @@ def residual_curve(
     return residual_amplitudes(_loads(model, parameter, values), trajectory, nonlinear=nonlinear)
 
 
-def residual_amplitudes(loads: Sequence[Model], trajectory: Trajectory, *, nonlinear: bool = False) -> FloatArray:
+def residual_amplitudes(
+    loads: Sequence[Model], trajectory: Trajectory, *, nonlinear: bool = False
+) -> FloatArray:
     """Amplitude [rad] that the same move leaves on each of N loads of n links, each its own (Model.amplitude_rad): (N,).
 
     The platform follows the trajectory from rest to rest, a step in its speed included; the loads hang still before.
@@ -41,28 +51,43 @@ def residual_amplitudes(loads: Sequence[Model], trajectory: Trajectory, *, nonli
     """
     counts = sorted({load.links_count for load in loads})
     if len(counts) != 1:
-        raise PlanError(f"{len(loads)} loads of {counts} links; must be at least 1 and all of as many: ask for others apart")
+        raise PlanError(
+            f"{len(loads)} loads of {counts} links; must be at least 1 and all of as many: ask for others apart"
+        )
     for load in loads:
         _check_phase(load, trajectory.duration_s)
     angles, rates = _replayed(loads, trajectory) if nonlinear else _swings_after(loads, trajectory)
-    return np.array([load.amplitude_rad(th, w) for load, th, w in zip(loads, angles, rates, strict=True)])
+    return np.array(
+        [load.amplitude_rad(th, w) for load, th, w in zip(loads, angles, rates, strict=True)]
+    )
 
 
 def residual_peaks(
-    model: Model, trajectory: Trajectory, parameter: str, values: ArrayLike, *, window_s: float = WINDOW_S
+    model: Model,
+    trajectory: Trajectory,
+    parameter: str,
+    values: ArrayLike,
+    *,
+    window_s: float = WINDOW_S,
 ) -> FloatArray:
     """Largest |angle| [rad] of each link within window_s after the move, small swings: (N, n) for values (N,).
 
     Raises PlanError as residual_curve does, and for a window that is not finite and > 0.
     """
     if not 0.0 < window_s < math.inf:
-        raise PlanError(f"window_s = {window_s} after the move; must be > 0 and finite: take some periods of the load")
+        raise PlanError(
+            f"window_s = {window_s} after the move; must be > 0 and finite: take some periods of the load"
+        )
     loads = _loads(model, parameter, values)
     for load in loads:
         _check_phase(load, trajectory.duration_s + window_s)
     modes = _Modal.of(loads)
     q, n = modes.after(trajectory), model.links_count
-    t = np.linspace(0.0, window_s, 2 + math.ceil(SAMPLES_PER_RADIAN * window_s * float(np.abs(modes.rates_1_s).max())))
+    t = np.linspace(
+        0.0,
+        window_s,
+        2 + math.ceil(SAMPLES_PER_RADIAN * window_s * float(np.abs(modes.rates_1_s).max())),
+    )
     peaks = np.empty((len(loads), n))
     for k, (rates, shapes) in enumerate(zip(modes.rates_1_s, modes.shapes, strict=True)):
         waves = q[k, :, None] * np.exp(np.outer(rates, t))  # (2n, samples)
@@ -76,7 +101,9 @@ def _loads(model: Model, parameter: str, values: ArrayLike) -> list[Model]:
         raise unknown_name("parameter", parameter, model.parameters)
     numbers = np.asarray(values, dtype=np.float64)
     if numbers.ndim != 1 or not numbers.size:
-        raise PlanError(f"values of {parameter} have shape {numbers.shape}; must be one row of at least 1: list them")
+        raise PlanError(
+            f"values of {parameter} have shape {numbers.shape}; must be one row of at least 1: list them"
+        )
     return [_load(model, parameter, value) for value in numbers.tolist()]
 
 
@@ -92,7 +119,9 @@ def _load(model: Model, parameter: str, value: float) -> Model:
 def _check_phase(load: Model, time_s: float) -> None:
     phase = time_s * float(np.abs(load.modes().rates_1_s).max())
     if phase > LONGEST_RAD:
-        raise PlanError(f"a mode of {load} passes {phase:.3g} rad in {time_s:g} s; must be <= {LONGEST_RAD:g}: leave it out")
+        raise PlanError(
+            f"a mode of {load} passes {phase:.3g} rad in {time_s:g} s; must be <= {LONGEST_RAD:g}: leave it out"
+        )
 
 
 def _swings_after(loads: Sequence[Model], trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
@@ -113,7 +142,9 @@ class _Modal(NamedTuple):
     def of(cls, loads: Sequence[Model]) -> _Modal:
         modes = [load.modes() for load in loads]
         reached = np.array([m.gains > 0.0 for m in modes], dtype=np.float64)
-        return cls(np.array([m.rates_1_s for m in modes]), np.array([m.shapes for m in modes]), reached)
+        return cls(
+            np.array([m.rates_1_s for m in modes]), np.array([m.shapes for m in modes]), reached
+        )
 
     def after(self, trajectory: Trajectory) -> ComplexArray:
         """q at the end: int a exp(rate (T - t)) dt, by parts rate int v exp(rate (T - t)) dt, so that steps in speed count."""
@@ -127,7 +158,12 @@ class _Modal(NamedTuple):
 def _highest(t: FloatArray, angle: FloatArray, slope: FloatArray, bend: FloatArray) -> FloatArray:
     """Largest |angle| of each row (n,): of the samples, and of the crowns of their parabolas that lie nearest to them."""
     shift = np.divide(-slope, bend, out=np.zeros_like(angle), where=bend != 0.0)
-    crown = (angle * bend < 0.0) & (np.abs(shift) <= t[1] / 2) & (t + shift >= 0.0) & (t + shift <= t[-1])
+    crown = (
+        (angle * bend < 0.0)
+        & (np.abs(shift) <= t[1] / 2)
+        & (t + shift >= 0.0)
+        & (t + shift <= t[-1])
+    )
     rise = np.where(crown, np.abs(slope * shift) / 2, 0.0)
     return np.asarray((np.abs(angle) + rise).max(axis=1))
 
@@ -179,9 +215,19 @@ class _Nonlinear:
         def slope(t: float, x: FloatArray) -> FloatArray:
             return self.slope(x, float(speed.at(np.asarray(t), order)))
 
-        longest = 2.0 * float(resolve(piece, 1).halves_s.max())  # no step passes over a motion that begins late
+        longest = 2.0 * float(
+            resolve(piece, 1).halves_s.max()
+        )  # no step passes over a motion that begins late
         with np.errstate(over="ignore", invalid="ignore"):  # of a load that runs away
-            done = solve_ivp(slope, (0.0, piece.duration_s), state, "DOP853", rtol=RELATIVE, atol=ABSOLUTE, max_step=longest)
+            done = solve_ivp(
+                slope,
+                (0.0, piece.duration_s),
+                state,
+                "DOP853",
+                rtol=RELATIVE,
+                atol=ABSOLUTE,
+                max_step=longest,
+            )
         if not done.success:
             t = done.t[-1]
             raise PlanError(

@@ -7,7 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from planners.shapers.formulas import ei, ei_three_hump, ei_two_hump, mzv, um_zv, zero_vibration, zv, zvd, zvdd, zvddd
+from planners.shapers.formulas import (
+    ei,
+    ei_three_hump,
+    ei_two_hump,
+    mzv,
+    um_zv,
+    zero_vibration,
+    zv,
+    zvd,
+    zvdd,
+    zvddd,
+)
 from planners.shapers.impulses import Shaper, convolve, insensitivity, residual, transform
 from planners.shapers.joint import joint
 

@@ -13,12 +13,19 @@ from planners.errors import PlanError
 from planners.shapers.impulses import TOLERANCE, Shaper, check_mode
 from planners.trajectories.pieces import FloatArray
 
-MOST_DAMPING = {"ei": 0.5, "ei_two_hump": 0.35, "ei_three_hump": 0.25, "um_zv": 0.9}  # near it the last impulses meet
+MOST_DAMPING = {
+    "ei": 0.5,
+    "ei_two_hump": 0.35,
+    "ei_three_hump": 0.25,
+    "um_zv": 0.9,
+}  # near it the last impulses meet
 DAMPING_STEP = 0.02  # of real to imaginary part, from one solution to the next; at 0.1 another solution catches some
 EXACT = 1e-12  # largest error of a defining condition, as a share of the unshaped swing
 ROUNDING = 1e-12  # of a damping ratio that was taken from a rate
 
-Conditions: TypeAlias = Callable[[FloatArray, complex], FloatArray]  # (unknowns, rate) -> one error each
+Conditions: TypeAlias = Callable[
+    [FloatArray, complex], FloatArray
+]  # (unknowns, rate) -> one error each
 
 
 def zero_vibration(rate_1_s: complex, derivatives: int = 0) -> Shaper:
@@ -151,7 +158,9 @@ def _follow(name: str, rate_1_s: complex, conditions: Conditions, start: FloatAr
     check_mode(rate_1_s)
     damping_ratio, most = -rate_1_s.real / abs(rate_1_s), MOST_DAMPING[name]
     if damping_ratio > most + ROUNDING:
-        raise PlanError(f"damping ratio {damping_ratio:.6g} for shaper {name}; must be <= {most:g}: take zvd or mzv")
+        raise PlanError(
+            f"damping ratio {damping_ratio:.6g} for shaper {name}; must be <= {most:g}: take zvd or mzv"
+        )
     if damping_ratio == 0.0:
         return start
     from scipy.optimize import root
@@ -166,4 +175,6 @@ def _follow(name: str, rate_1_s: complex, conditions: Conditions, start: FloatAr
 
 
 def _not_found(name: str, rate_1_s: complex) -> PlanError:
-    return PlanError(f"shaper {name} was not found for the mode {rate_1_s} 1/s to {EXACT:g}: take zvd or mzv")
+    return PlanError(
+        f"shaper {name} was not found for the mode {rate_1_s} 1/s to {EXACT:g}: take zvd or mzv"
+    )

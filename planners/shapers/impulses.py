@@ -45,10 +45,17 @@ def residual(shaper: Shaper, rates_1_s: ArrayLike) -> FloatArray:
     Singer & Seering (1990): exp(-zeta w t_N) sqrt(C^2 + S^2).
     """
     rates = np.asarray(rates_1_s, dtype=np.complex128)
-    return np.asarray(np.abs(np.exp(np.multiply.outer(rates, shaper.times_s[-1] - shaper.times_s)) @ shaper.amplitudes))
+    return np.asarray(
+        np.abs(
+            np.exp(np.multiply.outer(rates, shaper.times_s[-1] - shaper.times_s))
+            @ shaper.amplitudes
+        )
+    )
 
 
-def insensitivity(design: Callable[[complex], Shaper], rate_1_s: complex, tolerance: float = TOLERANCE) -> float:
+def insensitivity(
+    design: Callable[[complex], Shaper], rate_1_s: complex, tolerance: float = TOLERANCE
+) -> float:
     """Width of the band around the mode's frequency, as a share of it, in which V <= tolerance; the damping ratio is kept.
 
     0 when V exceeds the tolerance at the mode already, inf when the band reaches four times the frequency.
@@ -57,7 +64,9 @@ def insensitivity(design: Callable[[complex], Shaper], rate_1_s: complex, tolera
     from scipy.optimize import brentq
 
     if not 0.0 < tolerance < 1.0:
-        raise PlanError(f"tolerance = {tolerance}; must be > 0 and < 1: give a share of the unshaped swing, e.g. 0.05")
+        raise PlanError(
+            f"tolerance = {tolerance}; must be > 0 and < 1: give a share of the unshaped swing, e.g. 0.05"
+        )
     shaper = design(rate_1_s)
     bound = tolerance * (1.0 + 1e-9)  # a hump that touches the tolerance stays inside
 
@@ -71,7 +80,10 @@ def insensitivity(design: Callable[[complex], Shaper], rate_1_s: complex, tolera
     below, above = ratios[outside & (ratios < 1.0)], ratios[outside & (ratios > 1.0)]
     if not above.size:
         return math.inf
-    edges = [brentq(excess, end, end + step, xtol=1e-13) for end, step in ((below[-1], BAND_STEP), (above[0], -BAND_STEP))]
+    edges = [
+        brentq(excess, end, end + step, xtol=1e-13)
+        for end, step in ((below[-1], BAND_STEP), (above[0], -BAND_STEP))
+    ]
     return edges[1] - edges[0]
 
 

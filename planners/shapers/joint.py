@@ -37,7 +37,9 @@ def joint(rates_1_s: Sequence[complex], derivatives: int = 0) -> Shaper:
     if len(modes) < 2:
         return cascade
     length_s = float(cascade.times_s[-1])
-    return _shortest(np.array(modes, dtype=np.complex128) * length_s, derivatives, length_s) or cascade
+    return (
+        _shortest(np.array(modes, dtype=np.complex128) * length_s, derivatives, length_s) or cascade
+    )
 
 
 @dataclass(frozen=True)
@@ -79,10 +81,20 @@ def _split(x: FloatArray) -> Shaper:
 def _shortest(rates: ComplexArray, derivatives: int, length_s: float) -> Shaper | None:
     """Of what two first guesses lead to, the shortest one below length_s; the rates are times length_s."""
     moments = _Moments(rates, derivatives)
-    one_mode = zero_vibration(complex(rates.mean()), len(rates) * (derivatives + 1) - 1)  # nearly right for close modes
+    one_mode = zero_vibration(
+        complex(rates.mean()), len(rates) * (derivatives + 1) - 1
+    )  # nearly right for close modes
     found = [_polished(moments, guess) for guess in (one_mode, _on_grid(moments)) if guess]
-    best = min((shaper for shaper in found if shaper), key=lambda shaper: float(shaper.times_s[-1]), default=None)
-    return Shaper(best.amplitudes, best.times_s * length_s) if best and best.times_s[-1] < 1.0 else None
+    best = min(
+        (shaper for shaper in found if shaper),
+        key=lambda shaper: float(shaper.times_s[-1]),
+        default=None,
+    )
+    return (
+        Shaper(best.amplitudes, best.times_s * length_s)
+        if best and best.times_s[-1] < 1.0
+        else None
+    )
 
 
 def _on_grid(moments: _Moments) -> Shaper | None:
@@ -152,5 +164,7 @@ def _exact(moments: _Moments, shaper: Shaper) -> Shaper | None:
     amplitudes, times = _split(x)
     there = amplitudes > 0.0  # some, as they sum to 1 or more
     found = gathered(amplitudes[there], times[there] - times[there].min(), 0.0)
-    errors = moments.of_unit(found.times_s, float(found.times_s[-1])) @ found.amplitudes - moments.goal
+    errors = (
+        moments.of_unit(found.times_s, float(found.times_s[-1])) @ found.amplitudes - moments.goal
+    )
     return found if np.abs(errors).max() <= EXACT else None

@@ -100,10 +100,14 @@ def shape(trajectory: Trajectory, shaper: Shaper) -> Trajectory:
     starts = np.add.outer(shaper.times_s, trajectory.breaks_s)
     breaks = np.unique(starts)
     breaks = breaks[np.append(True, np.diff(breaks) > SLIVER * breaks[-1])]
-    return Trajectory(tuple(_sum(_copies(trajectory, shaper, a, b)) for a, b in pairwise(breaks.tolist())))
+    return Trajectory(
+        tuple(_sum(_copies(trajectory, shaper, a, b)) for a, b in pairwise(breaks.tolist()))
+    )
 
 
-def _copies(trajectory: Trajectory, shaper: Shaper, start_s: float, end_s: float) -> Iterable[Piece]:
+def _copies(
+    trajectory: Trajectory, shaper: Shaper, start_s: float, end_s: float
+) -> Iterable[Piece]:
     """Each copy's part of start_s..end_s, in which no copy has a joint."""
     for amplitude, delay in zip(shaper.amplitudes.tolist(), shaper.times_s.tolist(), strict=True):
         k = int(np.searchsorted(trajectory.breaks_s, (start_s + end_s) / 2 - delay)) - 1

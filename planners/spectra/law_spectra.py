@@ -29,7 +29,11 @@ def polynomial_spectrum(n: int, cycles: ArrayLike) -> FloatArray:
     x = math.pi * np.abs(np.asarray(cycles, dtype=np.float64))
     odd = math.prod(range(1, 2 * n + 2, 2))
     safe = np.where(x > 0.0, x, 1.0)
-    return np.asarray(np.where(x > 0.0, 2.0 / math.pi * odd * np.abs(spherical_jn(n, safe)) / safe ** (n - 1), 0.0))
+    return np.asarray(
+        np.where(
+            x > 0.0, 2.0 / math.pi * odd * np.abs(spherical_jn(n, safe)) / safe ** (n - 1), 0.0
+        )
+    )
 
 
 def harmonic_spectrum(cycles: ArrayLike) -> FloatArray:
@@ -52,7 +56,9 @@ def rect_spectrum(shares: Sequence[float], cycles: ArrayLike) -> FloatArray:
     Raises PlanError when the shares do not sum to 1.
     """
     if not math.isclose(sum(shares), 1.0, rel_tol=1e-12):
-        raise PlanError(f"shares {tuple(shares)} sum to {sum(shares)}; must sum to 1: divide each time by the duration")
+        raise PlanError(
+            f"shares {tuple(shares)} sum to {sum(shares)}; must sum to 1: divide each time by the duration"
+        )
     x = np.abs(np.asarray(cycles, dtype=np.float64))
     return np.asarray(2.0 * x * np.abs(np.prod([np.sinc(share * x) for share in shares], axis=0)))
 
@@ -73,7 +79,9 @@ SPECTRA: dict[str, Callable[[ArrayLike], FloatArray]] = {
 }
 
 
-def law_spectrum(name: str, cycles: ArrayLike, *, distance_m: float = 1.0, duration_s: float = 1.0) -> FloatArray:
+def law_spectrum(
+    name: str, cycles: ArrayLike, *, distance_m: float = 1.0, duration_s: float = 1.0
+) -> FloatArray:
     """V'(Omega) [m/s] of a law by name, any shape: its closed form, or the transform of its trajectory where it has none.
 
     Raises PlanError for an unknown law, cycles that are no numbers, and a distance or duration out of bounds.

@@ -43,17 +43,27 @@ class MassChain:
         object.__setattr__(self, "dampings_n_s_m", self.dampings_n_s_m or (0.0,) * n)
         if n < 1:
             raise PlanError("masses_kg is empty; must hold >= 1 mass: weigh the load")
-        for name, least in (("masses_kg", "> 0"), ("stiffnesses_n_m", "> 0"), ("dampings_n_s_m", ">= 0")):
+        for name, least in (
+            ("masses_kg", "> 0"),
+            ("stiffnesses_n_m", "> 0"),
+            ("dampings_n_s_m", ">= 0"),
+        ):
             values = getattr(self, name)
             if len(values) != n:
-                raise PlanError(f"{name}: {len(values)} values; must be {n}, one a mass: give one for each link of the chain")
+                raise PlanError(
+                    f"{name}: {len(values)} values; must be {n}, one a mass: give one for each link of the chain"
+                )
             if not all(0.0 <= v < math.inf and (v > 0.0 or least == ">= 0") for v in values):
                 raise PlanError(f"{name} = {values}; must be {least} and finite: measure it")
 
     @cached_property
     def modal(self) -> Modal:
         """The modes, slowest first. PlanError at critical damping, where two modes become one."""
-        n, fastest, roots = len(self.masses_kg), float(self.natural_frequencies_rad_s[-1]), np.sqrt(np.array(self.masses_kg))
+        n, fastest, roots = (
+            len(self.masses_kg),
+            float(self.natural_frequencies_rad_s[-1]),
+            np.sqrt(np.array(self.masses_kg)),
+        )
         state = np.zeros((2 * n, 2 * n))  # x = [sqrt(m) z, sqrt(m) z' / fastest] over fastest x t
         state[:n, n:] = np.eye(n)
         state[n:, :n] = -_links(self.stiffnesses_n_m) / np.outer(roots, roots) / fastest**2
@@ -66,13 +76,17 @@ class MassChain:
                 "change a damper by one part in a thousand"
             )
         reach = np.linalg.solve(shapes, np.concatenate([np.zeros(n), -roots / fastest]))
-        return _one_of_each(fastest * rates.astype(np.complex128), shapes[:n] * reach / roots[:, None])
+        return _one_of_each(
+            fastest * rates.astype(np.complex128), shapes[:n] * reach / roots[:, None]
+        )
 
     @property
     def natural_frequencies_rad_s(self) -> FloatArray:
         """Without the dampers, slowest first: (n,)."""
         roots = 1.0 / np.sqrt(np.array(self.masses_kg))
-        return np.asarray(np.sqrt(np.linalg.eigvalsh(_links(self.stiffnesses_n_m) * np.outer(roots, roots))))
+        return np.asarray(
+            np.sqrt(np.linalg.eigvalsh(_links(self.stiffnesses_n_m) * np.outer(roots, roots)))
+        )
 
 
 def hanging(model: Model) -> Modal:
@@ -88,7 +102,9 @@ def response(load: Modal, trajectory: Trajectory, after_s: float = 0.0) -> tuple
     Raises PlanError unless after_s is finite and >= 0.
     """
     if not 0.0 <= after_s < math.inf:
-        raise PlanError(f"after_s = {after_s}; must be finite and >= 0: take some periods of the load")
+        raise PlanError(
+            f"after_s = {after_s}; must be finite and >= 0: take some periods of the load"
+        )
     states, steps = [0j] * load.rates_1_s.size, speed_steps(trajectory).tolist()
     pieces: list[list[Piece]] = []
     for step, piece in zip(steps, trajectory.pieces, strict=False):
@@ -109,12 +125,18 @@ def residual(load: Modal, trajectory: Trajectory) -> FloatArray:
     return np.asarray(np.abs(load.shapes) @ np.abs(q))
 
 
-def _advance(load: Modal, push: ExpPolynomial, states: list[complex], pieces: list[list[Piece]]) -> list[complex]:
+def _advance(
+    load: Modal, push: ExpPolynomial, states: list[complex], pieces: list[list[Piece]]
+) -> list[complex]:
     """Adds the piece of every coordinate; the states at its end."""
-    answers = [driven(push, rate, q) for rate, q in zip(load.rates_1_s.tolist(), states, strict=True)]
+    answers = [
+        driven(push, rate, q) for rate, q in zip(load.rates_1_s.tolist(), states, strict=True)
+    ]
     coordinates: list[Piece] = []
     for shares in load.shapes.tolist():
-        parts = ((share, term) for share, terms in zip(shares, answers, strict=True) for term in terms)
+        parts = (
+            (share, term) for share, terms in zip(shares, answers, strict=True) for term in terms
+        )
         coordinates.append(real_part(parts, push.duration_s))
     pieces.append(coordinates)
     return [sum((term.at(push.duration_s) for term in terms), 0j) for terms in answers]

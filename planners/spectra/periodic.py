@@ -26,7 +26,9 @@ class Harmonics(NamedTuple):
     def at(self, t_s: ArrayLike) -> FloatArray:
         """The sum at times of any shape [m/s^2]."""
         k = np.arange(self.amplitudes_m_s2.size)
-        angles = np.multiply.outer(np.asarray(t_s, dtype=np.float64), 2.0 * math.pi / self.period_s * k)
+        angles = np.multiply.outer(
+            np.asarray(t_s, dtype=np.float64), 2.0 * math.pi / self.period_s * k
+        )
         return np.asarray(np.cos(angles + self.phases_rad) @ self.amplitudes_m_s2)
 
 

@@ -34,7 +34,9 @@ def transform(trajectory: Trajectory, rates_1_s: ArrayLike, origin_s: float = 0.
     rates = np.asarray(rates_1_s, dtype=np.complex128)
     flat = rates.ravel()
     if not np.isfinite(flat).all():
-        raise PlanError(f"rate {flat[~np.isfinite(flat)][0]} 1/s of a transform; must be finite: leave it out")
+        raise PlanError(
+            f"rate {flat[~np.isfinite(flat)][0]} 1/s of a transform; must be finite: leave it out"
+        )
     _check_growth(trajectory, flat, origin_s)
     total = _impulses(trajectory, flat, origin_s)
     for begin, piece in zip(trajectory.breaks_s.tolist(), trajectory.pieces, strict=False):
@@ -56,7 +58,9 @@ def spectrum(trajectory: Trajectory, frequencies_rad_s: ArrayLike) -> FloatArray
 
 def spectrum_by_cycles(trajectory: Trajectory, cycles: ArrayLike) -> FloatArray:
     """V'(Omega) = V(2 pi Omega / T) [m/s]: cycles Omega = periods that fit into the move's duration, any shape."""
-    return spectrum(trajectory, 2.0 * math.pi / trajectory.duration_s * np.asarray(cycles, dtype=np.float64))
+    return spectrum(
+        trajectory, 2.0 * math.pi / trajectory.duration_s * np.asarray(cycles, dtype=np.float64)
+    )
 
 
 def _check_growth(trajectory: Trajectory, rates_1_s: ComplexArray, origin_s: float) -> None:
@@ -78,7 +82,9 @@ def _impulses(trajectory: Trajectory, rates_1_s: ComplexArray, origin_s: float) 
 
 def speed_steps(trajectory: Trajectory) -> FloatArray:
     """Step in speed [m/s] at every joint and against rest at both ends: (pieces + 1,)."""
-    ends = np.array([piece.at(np.array([0.0, piece.duration_s]), 1) for piece in trajectory.pieces])  # (pieces, 2)
+    ends = np.array(
+        [piece.at(np.array([0.0, piece.duration_s]), 1) for piece in trajectory.pieces]
+    )  # (pieces, 2)
     return np.asarray(np.append(ends[:, 0], 0.0) - np.insert(ends[:, 1], 0, 0.0))
 
 
@@ -94,9 +100,13 @@ def _integral(cells: Cells, begin_s: float, rates_1_s: ComplexArray) -> ComplexA
     total = np.zeros_like(rates_1_s)
     for half in np.unique(cells.halves_s):
         same = cells.halves_s == half
-        waves = 2.0 * half * (-1j) ** n * cells.series[same] @ _bessel(n, -1j * half * rates_1_s)  # (cells, W)
+        waves = (
+            2.0 * half * (-1j) ** n * cells.series[same] @ _bessel(n, -1j * half * rates_1_s)
+        )  # (cells, W)
         growth = np.abs(rates_1_s.real) * half
-        total += np.sum(waves * np.exp(growth - np.outer(begin_s + cells.middles_s[same], rates_1_s)), axis=0)
+        total += np.sum(
+            waves * np.exp(growth - np.outer(begin_s + cells.middles_s[same], rates_1_s)), axis=0
+        )
     return total
 
 
@@ -110,7 +120,11 @@ def _bessel(n: NDArray[np.intp], z: ComplexArray) -> ComplexArray | FloatArray:
     side = np.where(z.real < 0.0, -1.0, 1.0)  # j_n(-z) = (-1)^n j_n(z) keeps off the branch cut
     tiny = np.abs(z) < TINY
     safe = np.where(tiny, 1.0, side * z)
-    return np.asarray(np.where(tiny, order == 0, side**order * np.sqrt(np.pi / 2.0 / safe) * jve(order + 0.5, safe)))
+    return np.asarray(
+        np.where(
+            tiny, order == 0, side**order * np.sqrt(np.pi / 2.0 / safe) * jve(order + 0.5, safe)
+        )
+    )
 
 
 def _bessel_real(terms: int, z: FloatArray) -> FloatArray:

@@ -21,11 +21,16 @@ ZERO = 1e-11  # of the largest value in the same cycle
 SLACK = 1e-12  # of most_cycles
 ROUNDING = 1e-14  # of the largest value at all, at one cycle
 SAME = 1e-3  # cycles; turns closer than this that are all zeros are one multiple zero
-RADIUS, POINTS = 0.25, 24  # of the circle that gives the Taylor series: its 24th term is below (pi/4)^24 / 24!
+RADIUS, POINTS = (
+    0.25,
+    24,
+)  # of the circle that gives the Taylor series: its 24th term is below (pi/4)^24 / 24!
 VANISHED = 1e-6  # of the largest Taylor term; what is below is zero at a multiple zero
 
 
-def swing_free_cycles(trajectory: Trajectory, most_cycles: float = 6.0, least_cycles: float = FIRST) -> FloatArray:
+def swing_free_cycles(
+    trajectory: Trajectory, most_cycles: float = 6.0, least_cycles: float = FIRST
+) -> FloatArray:
     """Every Omega = duration / load period, from least_cycles up to most_cycles, at which V'(Omega) = 0, increasing: (N,).
 
     They belong to the law, not to its duration or distance: 1.4303 for the cubic, 1.5 harmonic, 2 cycloidal. A multiple
@@ -34,9 +39,13 @@ def swing_free_cycles(trajectory: Trajectory, most_cycles: float = 6.0, least_cy
     Raises PlanError unless 0.01 <= least_cycles < most_cycles <= 1000.
     """
     if not FIRST < most_cycles <= MOST_CYCLES:
-        raise PlanError(f"most_cycles = {most_cycles}; must be > {FIRST} and <= {MOST_CYCLES:g}: a few load periods do")
+        raise PlanError(
+            f"most_cycles = {most_cycles}; must be > {FIRST} and <= {MOST_CYCLES:g}: a few load periods do"
+        )
     if not FIRST <= least_cycles < most_cycles:
-        raise PlanError(f"least_cycles = {least_cycles}; must be {FIRST} to most_cycles = {most_cycles}: begin lower")
+        raise PlanError(
+            f"least_cycles = {least_cycles}; must be {FIRST} to most_cycles = {most_cycles}: begin lower"
+        )
     wave = _Wave(trajectory)
     edges = np.append(np.arange(least_cycles, most_cycles, 1.0), most_cycles + FIRST)
     turns, zero = wave.turns(edges)
@@ -45,13 +54,19 @@ def swing_free_cycles(trajectory: Trajectory, most_cycles: float = 6.0, least_cy
     values = wave.at(places)
     values[values == 0.0] = SIGN
     values[np.isin(places, multiple)] = 0.0
-    crossings = [wave.crossing(a, b) for (a, va), (b, vb) in pairwise(zip(places, values, strict=True)) if va * vb < 0.0]
+    crossings = [
+        wave.crossing(a, b)
+        for (a, va), (b, vb) in pairwise(zip(places, values, strict=True))
+        if va * vb < 0.0
+    ]
     zeros = np.sort(np.concatenate([multiple, crossings]))
     still = np.abs(wave.whole(zeros)) <= 1e-9 * np.abs(values).max()
     return np.asarray(zeros[still & (zeros <= most_cycles * (1.0 + SLACK))])
 
 
-def swing_free_durations_s(trajectory: Trajectory, natural_frequency_rad_s: float, most_s: float) -> FloatArray:
+def swing_free_durations_s(
+    trajectory: Trajectory, natural_frequency_rad_s: float, most_s: float
+) -> FloatArray:
     """Durations up to most_s to which the motion may be slowed or hastened to leave an undamped load at rest: (N,).
 
     Raises PlanError unless the frequency is finite and > 0, and as swing_free_cycles does.
@@ -76,7 +91,9 @@ class _Wave:
     def whole(self, cycles: FloatArray | ComplexArray) -> ComplexArray:
         """The transform of the speed [m] at cycles other than 0, same shape."""
         rates = 2j * math.pi / self._trajectory.duration_s * cycles
-        return np.asarray(transform(self._trajectory, rates, self._trajectory.duration_s / 2.0) / rates)
+        return np.asarray(
+            transform(self._trajectory, rates, self._trajectory.duration_s / 2.0) / rates
+        )
 
     def at(self, cycles: FloatArray) -> FloatArray:
         """The part that counts."""
@@ -110,7 +127,9 @@ class _Wave:
             found.append(middle + half * inside)
             largest.append(np.full(inside.size, np.abs(row).max()))
         turns = np.concatenate(found)
-        bound = np.maximum(ZERO * np.concatenate(largest), ROUNDING * np.abs(values).max() / (1.0 + turns))
+        bound = np.maximum(
+            ZERO * np.concatenate(largest), ROUNDING * np.abs(values).max() / (1.0 + turns)
+        )
         return turns, np.abs(self.at(turns)) <= bound
 
 

@@ -22,9 +22,15 @@ def allocate(points_m: ArrayLike, total_s: float, power: float) -> FloatArray:
     """
     q = np.asarray(points_m, dtype=np.float64)
     if q.ndim not in (1, 2) or q.shape[0] < 2 or not np.isfinite(q).all():
-        raise PlanError(f"points_m of shape {q.shape}; must be >= 2 finite points (N,) or (N, axes): mend the table")
-    check_range("largest point", float(np.abs(q).max()), 0.0, bounds.FARTHEST_M, "give the points in metres")
-    check_range("total_s", total_s, bounds.SHORTEST_S, bounds.LONGEST_S, "give the motion a time in seconds")
+        raise PlanError(
+            f"points_m of shape {q.shape}; must be >= 2 finite points (N,) or (N, axes): mend the table"
+        )
+    check_range(
+        "largest point", float(np.abs(q).max()), 0.0, bounds.FARTHEST_M, "give the points in metres"
+    )
+    check_range(
+        "total_s", total_s, bounds.SHORTEST_S, bounds.LONGEST_S, "give the motion a time in seconds"
+    )
     check_range("power", power, 0.0, STEEPEST, "equal 0, root 0.5, proportional 1")
     distances = np.linalg.norm(np.diff(q.reshape(q.shape[0], -1), axis=0), axis=1)
     for k in np.flatnonzero(distances == 0.0).tolist() if power else ():

@@ -14,7 +14,9 @@ from planners.trajectories.pieces import FloatArray
 from planners.trajectories.trajectory import Trajectory
 
 NAMES = ("position_m", "speed_m_s", "acceleration_m_s2", "jerk_m_s3")
-ROUNDING = 1e-9  # share by which a peak may exceed its limit, and by which it counts as being at a joint
+ROUNDING = (
+    1e-9  # share by which a peak may exceed its limit, and by which it counts as being at a joint
+)
 NO_LIMITS = AxisLimits()
 
 
@@ -40,7 +42,9 @@ class Analysis(NamedTuple):
     warnings: tuple[str, ...]
 
 
-def analyse(trajectory: Trajectory, times_s: ArrayLike | None = None, limits: AxisLimits = NO_LIMITS) -> Analysis:
+def analyse(
+    trajectory: Trajectory, times_s: ArrayLike | None = None, limits: AxisLimits = NO_LIMITS
+) -> Analysis:
     """Intervals are those between times_s (N,) of the points, from 0 on; without them, the pieces of the trajectory.
 
     Steps at joints (a jerk without bound) are not in the ranges; Trajectory.continuous tells of them. Raises PlanError for
@@ -48,9 +52,15 @@ def analyse(trajectory: Trajectory, times_s: ArrayLike | None = None, limits: Ax
     """
     t = trajectory.breaks_s if times_s is None else np.asarray(times_s, dtype=np.float64)
     if t.ndim != 1 or t.size < 2 or t[0] != 0.0 or not np.all(np.diff(t) > 0.0):
-        raise PlanError(f"times_s of shape {t.shape} for an analysis; must be (N,), increasing from 0: subtract the first time")
-    position, speed, acceleration, jerk = (_range(trajectory, order, t) for order in range(len(NAMES)))
-    warnings = _position_warnings(position, limits) + _peak_warnings((speed, acceleration, jerk), limits)
+        raise PlanError(
+            f"times_s of shape {t.shape} for an analysis; must be (N,), increasing from 0: subtract the first time"
+        )
+    position, speed, acceleration, jerk = (
+        _range(trajectory, order, t) for order in range(len(NAMES))
+    )
+    warnings = _position_warnings(position, limits) + _peak_warnings(
+        (speed, acceleration, jerk), limits
+    )
     return Analysis(trajectory.duration_s, position, speed, acceleration, jerk, tuple(warnings))
 
 

@@ -17,16 +17,22 @@ FEWEST = 2
 DEGREES = (4, 5)
 
 
-def b_spline(times_s: ArrayLike, points_m: ArrayLike, degree: int = 5, start: End = REST, end: End = REST) -> Trajectory:
+def b_spline(
+    times_s: ArrayLike, points_m: ArrayLike, degree: int = 5, start: End = REST, end: End = REST
+) -> Trajectory:
     """Through points (N,) at times (N,), with speed and acceleration at both ends.
 
     Degree 4: knots at the middle of every interval, jerk continuous (source 003, knots and rows corrected). Degree 5: knots
     at the points, the derivative of the jerk continuous too. PlanError for bad points or another degree.
     """
     if degree not in DEGREES:
-        raise PlanError(f"degree = {degree} of a B-spline; must be 4 or 5: two conditions at both ends fix no other")
+        raise PlanError(
+            f"degree = {degree} of a B-spline; must be 4 or 5: two conditions at both ends fix no other"
+        )
     via = via_points(f"B-spline of degree {degree}", times_s, points_m, FEWEST, (start, end))
-    return Trajectory(Polynomials(*degree_pieces(via.durations_s, via.points_m, degree, start, end)))
+    return Trajectory(
+        Polynomials(*degree_pieces(via.durations_s, via.points_m, degree, start, end))
+    )
 
 
 def degree_pieces(
@@ -38,7 +44,10 @@ def degree_pieces(
     t = np.concatenate([[0.0], np.cumsum(h)])
     inner = (t[:-1] + t[1:]) / 2.0 if degree == 4 else t[1:-1]
     knots = np.concatenate([np.full(degree + 1, t[0]), inner, np.full(degree + 1, t[-1])])
-    ends: Any = [(1, start.speed_m_s), (2, start.acceleration_m_s2)], [(1, end.speed_m_s), (2, end.acceleration_m_s2)]
+    ends: Any = (
+        [(1, start.speed_m_s), (2, start.acceleration_m_s2)],
+        [(1, end.speed_m_s), (2, end.acceleration_m_s2)],
+    )
     spline = make_interp_spline(t, q, k=degree, t=knots, bc_type=ends)
     whole = slice(degree, knots.size - degree - 1)  # the repeated knots make pieces of no length
     return np.diff(knots)[whole], PPoly.from_spline((spline.t, spline.c, spline.k)).c[::-1, whole].T

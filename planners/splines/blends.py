@@ -27,7 +27,9 @@ class Blends(NamedTuple):
     errors_m: FloatArray  # e (N,): position at the time of the point, less the point
 
 
-def parabolic_blends(times_s: ArrayLike, points_m: ArrayLike, acceleration_m_s2: float, *, rest_ends: bool = True) -> Blends:
+def parabolic_blends(
+    times_s: ArrayLike, points_m: ArrayLike, acceleration_m_s2: float, *, rest_ends: bool = True
+) -> Blends:
     """Lines through points (N >= 3,) at times (N,), each corner rounded with the given acceleration.
 
     With v1, v2 the slopes before and after a point: a = sign(v2 - v1) acceleration, tau = |v2 - v1| / (2 acceleration),
@@ -36,7 +38,13 @@ def parabolic_blends(times_s: ArrayLike, points_m: ArrayLike, acceleration_m_s2:
     Raises PlanError for bad points, Infeasible when the blends do not fit their interval.
     """
     via = via_points("parabolic blends", times_s, points_m, FEWEST)
-    check_range("acceleration_m_s2", acceleration_m_s2, bounds.SLOWEST, bounds.FASTEST, "give the axis' limit")
+    check_range(
+        "acceleration_m_s2",
+        acceleration_m_s2,
+        bounds.SLOWEST,
+        bounds.FASTEST,
+        "give the axis' limit",
+    )
     speeds, ramps = via.slopes_m_s, np.zeros(2)
     if rest_ends:
         ramps = np.array([_ramp(via, k, acceleration_m_s2) for k in (0, -1)])
@@ -81,7 +89,11 @@ def _trajectory(via: ViaPoints, speeds: FloatArray, blends: FloatArray) -> Traje
     kept = durations > 0.0
     durations, starts, ends = durations[kept], starts[kept], ends[kept]
     positions = via.points_m[0] + np.cumsum([0.0, *(durations * (starts + ends) / 2.0)[:-1]])
-    return Trajectory(Polynomials(durations, np.column_stack([positions, starts, (ends - starts) / (2.0 * durations)])))
+    return Trajectory(
+        Polynomials(
+            durations, np.column_stack([positions, starts, (ends - starts) / (2.0 * durations)])
+        )
+    )
 
 
 def _around(speeds: FloatArray, parabolas: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -81,7 +81,9 @@ def chain(segments: Sequence[Segment], start: End = REST) -> Trajectory:
     between segments, naming them, and for what a spline refuses.
     """
     if not segments:
-        raise PlanError("a chain of 0 segments; must be >= 1: use Trajectory.hold for standing still")
+        raise PlanError(
+            "a chain of 0 segments; must be >= 1: use Trajectory.hold for standing still"
+        )
     for k, (one, other) in enumerate(pairwise(segments)):
         _check_joint(k, one, other)
     parts = []
@@ -92,7 +94,9 @@ def chain(segments: Sequence[Segment], start: End = REST) -> Trajectory:
             continue
         after = segments[k + 1] if k + 1 < len(segments) else segment
         begin = segments[k - 1].end if k else start
-        parts.append(_through(k, segment, begin, after.end if isinstance(after, Straight) else segment.end))
+        parts.append(
+            _through(k, segment, begin, after.end if isinstance(after, Straight) else segment.end)
+        )
     return Trajectory(tuple(piece for part in parts for piece in part.pieces))
 
 
@@ -106,7 +110,13 @@ def _through(k: int, segment: Spline, start: End, end: End) -> Trajectory:
             f"segment {k} has {points.size} points and {durations.size} durations; must be {points.size - 1}: one an interval"
         )
     for i, h in enumerate(durations.tolist()):
-        check_range(f"durations_s[{i}] in segment {k}", h, SHORTEST * bounds.SHORTEST_S, bounds.LONGEST_S, "give it time")
+        check_range(
+            f"durations_s[{i}] in segment {k}",
+            h,
+            SHORTEST * bounds.SHORTEST_S,
+            bounds.LONGEST_S,
+            "give it time",
+        )
     via = via_points(f"segment {k}", np.concatenate([[0.0], np.cumsum(durations)]), points, 2)
     return THROUGH[segment.law](via.times_s, via.points_m, start, end)
 
@@ -114,7 +124,9 @@ def _through(k: int, segment: Spline, start: End, end: End) -> Trajectory:
 def _check_joint(k: int, one: Segment, other: Segment) -> None:
     here, there = one.points_m[-1], other.points_m[0]
     if abs(here - there) > JUMP * max(1.0, abs(here)):
-        raise PlanError(f"segment {k} ends at {here} m, segment {k + 1} begins at {there} m; must meet: mend one of the points")
+        raise PlanError(
+            f"segment {k} ends at {here} m, segment {k + 1} begins at {there} m; must meet: mend one of the points"
+        )
     if isinstance(one, Straight) and isinstance(other, Straight):
         before, after = one.end.speed_m_s, other.end.speed_m_s
         if abs(after - before) > JUMP * max(abs(before), abs(after)):

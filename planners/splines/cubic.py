@@ -16,7 +16,12 @@ FEWEST = 2
 JUMP = 1e-9  # of the largest position: a periodic motion must come back this closely
 
 
-def clamped(times_s: ArrayLike, points_m: ArrayLike, start_speed_m_s: float = 0.0, end_speed_m_s: float = 0.0) -> Trajectory:
+def clamped(
+    times_s: ArrayLike,
+    points_m: ArrayLike,
+    start_speed_m_s: float = 0.0,
+    end_speed_m_s: float = 0.0,
+) -> Trajectory:
     """Through points (N,) at times (N,) with the speeds at both ends (source 000, cubic spline). PlanError for bad points."""
     ends = End(start_speed_m_s), End(end_speed_m_s)
     via = via_points("cubic spline", times_s, points_m, FEWEST, ends)
@@ -49,13 +54,20 @@ def periodic(times_s: ArrayLike, points_m: ArrayLike) -> Trajectory:
             "close the path, or take the natural spline"
         )
     q[-1] = q[0]
-    return Trajectory(Polynomials(via.durations_s, CubicSpline(via.times_s, q, bc_type="periodic").c[::-1].T))
+    return Trajectory(
+        Polynomials(via.durations_s, CubicSpline(via.times_s, q, bc_type="periodic").c[::-1].T)
+    )
 
 
-def clamped_coefficients(h: FloatArray, q: FloatArray, start_m_s: float = 0.0, end_m_s: float = 0.0) -> FloatArray:
+def clamped_coefficients(
+    h: FloatArray, q: FloatArray, start_m_s: float = 0.0, end_m_s: float = 0.0
+) -> FloatArray:
     """Ascending coefficients (..., K, 4) on durations h (..., K) through points q (..., K + 1): many splines at once."""
     slopes = np.diff(q) / h
-    left, right = _padded(h, 0.0, 0), _padded(h, 0.0, -1)  # the interval before and after every point
+    left, right = (
+        _padded(h, 0.0, 0),
+        _padded(h, 0.0, -1),
+    )  # the interval before and after every point
     steps = np.diff(slopes, prepend=start_m_s, append=end_m_s)
     a = solve(left, 2.0 * (left + right), right, 6.0 * steps)
     return from_accelerations(h, q, a)
@@ -64,7 +76,9 @@ def clamped_coefficients(h: FloatArray, q: FloatArray, start_m_s: float = 0.0, e
 def from_accelerations(h: FloatArray, q: FloatArray, a: FloatArray) -> FloatArray:
     """Cubic pieces (..., K, 4) from positions q and accelerations a at the points (..., K + 1)."""
     speeds = np.diff(q) / h - h * (2.0 * a[..., :-1] + a[..., 1:]) / 6.0
-    return np.stack(np.broadcast_arrays(q[..., :-1], speeds, a[..., :-1] / 2.0, np.diff(a) / (6.0 * h)), axis=-1)
+    return np.stack(
+        np.broadcast_arrays(q[..., :-1], speeds, a[..., :-1] / 2.0, np.diff(a) / (6.0 * h)), axis=-1
+    )
 
 
 def _padded(h: FloatArray, value: float, end: int) -> FloatArray:

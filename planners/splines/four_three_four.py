@@ -15,13 +15,17 @@ from planners.trajectories.trajectory import Trajectory
 FEWEST = 3
 
 
-def four_three_four(times_s: ArrayLike, points_m: ArrayLike, start: End = REST, end: End = REST) -> Trajectory:
+def four_three_four(
+    times_s: ArrayLike, points_m: ArrayLike, start: End = REST, end: End = REST
+) -> Trajectory:
     """Through points (N >= 3,) at times (N,), with speed and acceleration at both ends (source 003, 4n - 2 conditions).
 
     The unknowns left are the accelerations at the inner points: a tridiagonal system of N - 2. PlanError for bad points.
     """
     via = via_points("4-3-4 spline", times_s, points_m, FEWEST, (start, end))
-    return Trajectory(Polynomials(via.durations_s, quartic_ended(via.durations_s, via.points_m, start, end)))
+    return Trajectory(
+        Polynomials(via.durations_s, quartic_ended(via.durations_s, via.points_m, start, end))
+    )
 
 
 def quartic_ended(h: FloatArray, q: FloatArray, start: End = REST, end: End = REST) -> FloatArray:
@@ -38,8 +42,12 @@ def quartic_ended(h: FloatArray, q: FloatArray, start: End = REST, end: End = RE
     rhs[..., 0] -= 6.0 * (s[..., 0] - v0) - a0 * h[..., 0]
     rhs[..., -1] += 6.0 * (s[..., -1] - v1) + a1 * h[..., -1]
     inner = solve(left, diagonal, right, rhs)
-    a = np.concatenate([np.full_like(inner[..., :1], a0), inner, np.full_like(inner[..., :1], a1)], axis=-1)
-    rows = np.concatenate([from_accelerations(h, q, a), np.zeros((*a.shape[:-1], h.shape[-1], 1))], axis=-1)
+    a = np.concatenate(
+        [np.full_like(inner[..., :1], a0), inner, np.full_like(inner[..., :1], a1)], axis=-1
+    )
+    rows = np.concatenate(
+        [from_accelerations(h, q, a), np.zeros((*a.shape[:-1], h.shape[-1], 1))], axis=-1
+    )
     rows[..., 0, :] = _first(h[..., 0], q[..., 0], q[..., 1], start, inner[..., 0])
     rows[..., -1, :] = _last(h[..., -1], q[..., -2], q[..., -1], end, inner[..., -1])
     return rows
@@ -50,7 +58,10 @@ def _first(h: FloatArray, q0: FloatArray, q1: FloatArray, start: End, a1: FloatA
     v0, a0 = start
     miss = q1 - q0 - h * (v0 + h * a0 / 2.0)
     bend = h**2 * (a1 - a0) / 6.0
-    return np.stack(np.broadcast_arrays(q0, v0, a0 / 2.0, (2.0 * miss - bend) / h**3, (bend - miss) / h**4), axis=-1)
+    return np.stack(
+        np.broadcast_arrays(q0, v0, a0 / 2.0, (2.0 * miss - bend) / h**3, (bend - miss) / h**4),
+        axis=-1,
+    )
 
 
 def _last(h: FloatArray, q0: FloatArray, q1: FloatArray, end: End, a0: FloatArray) -> FloatArray:

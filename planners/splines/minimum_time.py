@@ -62,12 +62,18 @@ def minimum_time(
         if name not in ALLOCATIONS:
             raise unknown_name("start of a minimum time", name, ALLOCATIONS)
     if not starts and samples < 1:
-        raise PlanError(f"samples = {samples} without starts; must be >= 1: name a start or draw some")
+        raise PlanError(
+            f"samples = {samples} without starts; must be >= 1: name a start or draw some"
+        )
     q = np.asarray(points_m, dtype=np.float64)
     q = q[:, None] if q.ndim == 1 else q
     _check(law, q, limits)
-    search = ShapeSearch(SHAPES[law], q, {k: limits.of_order(k) for k in OF_ORDER if limits.of_order(k) < np.inf})
-    h = min((search.polish(h) for h in _starts(search, starts, samples)), key=lambda h: float(h.sum()))
+    search = ShapeSearch(
+        SHAPES[law], q, {k: limits.of_order(k) for k in OF_ORDER if limits.of_order(k) < np.inf}
+    )
+    h = min(
+        (search.polish(h) for h in _starts(search, starts, samples)), key=lambda h: float(h.sum())
+    )
     _check_repeated(q, h)
     reached = {OF_ORDER[k]: share for k, share in search.reached(h).items()}
     return MinimumTime(np.concatenate([[0.0], np.cumsum(h)]), reached)
@@ -79,12 +85,24 @@ def _check(law: str, q: FloatArray, limits: AxisLimits) -> None:
             f"points_m of shape {q.shape} for a minimum time; must be >= {FEWEST} finite points (N,) or (N, axes): "
             "mend the table, or scale a two-point law"
         )
-    check_range("largest point", float(np.abs(q).max()), 0.0, bounds.FARTHEST_M, "give the points in metres")
+    check_range(
+        "largest point", float(np.abs(q).max()), 0.0, bounds.FARTHEST_M, "give the points in metres"
+    )
     if not np.any(q != q[0]):
-        raise PlanError(f"all {q.shape[0]} points are at {q[0]} m; a path must be > 0 m long: use Trajectory.hold")
-    check_range("farthest way from the first point", float(np.abs(q - q[0]).max()), LEAST_M, np.inf, "use Trajectory.hold")
+        raise PlanError(
+            f"all {q.shape[0]} points are at {q[0]} m; a path must be > 0 m long: use Trajectory.hold"
+        )
+    check_range(
+        "farthest way from the first point",
+        float(np.abs(q - q[0]).max()),
+        LEAST_M,
+        np.inf,
+        "use Trajectory.hold",
+    )
     if not min(map(limits.of_order, OF_ORDER)) < np.inf:
-        raise PlanError("no limit of speed, acceleration or jerk is given; one must be finite: the minimum time would be 0 s")
+        raise PlanError(
+            "no limit of speed, acceleration or jerk is given; one must be finite: the minimum time would be 0 s"
+        )
     if law == "cubic" and limits.jerk_m_s3 < np.inf:
         raise Infeasible(
             f"jerk_m_s3 = {limits.jerk_m_s3} for a cubic spline at rest at its ends: its acceleration steps there, a jerk "
@@ -94,7 +112,9 @@ def _check(law: str, q: FloatArray, limits: AxisLimits) -> None:
 
 def _check_repeated(q: FloatArray, h: FloatArray) -> None:
     """A motion may pass one point twice, turning in between; it must not stop there, or the interval has no least time."""
-    for k in np.flatnonzero((h < SHORTEST * h.sum()) & np.all(np.diff(q, axis=0) == 0.0, axis=1)).tolist():
+    for k in np.flatnonzero(
+        (h < SHORTEST * h.sum()) & np.all(np.diff(q, axis=0) == 0.0, axis=1)
+    ).tolist():
         raise Infeasible(
             f"points {k} and {k + 1} are both at {q[k]} m, and the time between them shrinks to {h[k]:.3g} s of "
             f"{h.sum():.6g} s; must be > {SHORTEST:g} of it: drop one of them, or put a dwell there"
@@ -108,7 +128,9 @@ def _starts(search: ShapeSearch, starts: Sequence[str], samples: int) -> FloatAr
     first = np.array([ALLOCATIONS[name] * logs for name in starts]).reshape(-1, logs.size)
     if samples < 1:
         return np.asarray(np.exp(first))
-    drawn = ALLOCATIONS["root"] * logs + SPREAD * np.random.default_rng(0).standard_normal((samples, logs.size))
+    drawn = ALLOCATIONS["root"] * logs + SPREAD * np.random.default_rng(0).standard_normal(
+        (samples, logs.size)
+    )
     drawn = search.scaled(np.exp(drawn))
     best = np.argsort(drawn.sum(axis=-1))[:POLISHED]
     return np.concatenate([np.exp(first), drawn[best]])

@@ -39,7 +39,10 @@ def n_point(times_s: ArrayLike, points_m: ArrayLike) -> Trajectory:
     duration = float(via.times_s[-1] - via.times_s[0])
     x = 2.0 * (via.times_s - via.times_s[0]) / duration - 1.0
     series = np.linalg.solve(chebyshev.chebvander(x, x.size - 1), via.points_m)
-    missed, size = float(np.abs(chebyshev.chebval(x, series) - via.points_m).max()), float(np.abs(via.points_m).max())
+    missed, size = (
+        float(np.abs(chebyshev.chebval(x, series) - via.points_m).max()),
+        float(np.abs(via.points_m).max()),
+    )
     if not missed <= MISS * size:
         raise NotConverged(
             f"the polynomial through {x.size} points misses one by {missed:.3g} m; must be <= {MISS * size:.3g}: take a spline"
@@ -48,7 +51,9 @@ def n_point(times_s: ArrayLike, points_m: ArrayLike) -> Trajectory:
     slopes = [chebyshev.chebder(series, order) * (2.0 / duration) ** order for order in orders]
 
     def value(t: FloatArray, order: int) -> FloatArray:
-        return np.asarray(chebyshev.chebval(2.0 * t / duration - 1.0, slopes[order]), dtype=np.float64)
+        return np.asarray(
+            chebyshev.chebval(2.0 * t / duration - 1.0, slopes[order]), dtype=np.float64
+        )
 
     return Trajectory((Smooth(duration, value, len(slopes) - 1),))
 

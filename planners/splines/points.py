@@ -42,23 +42,35 @@ class End(NamedTuple):
 REST = End()
 
 
-def via_points(law: str, times_s: ArrayLike, points_m: ArrayLike, fewest: int, ends: tuple[End, ...] = ()) -> ViaPoints:
+def via_points(
+    law: str, times_s: ArrayLike, points_m: ArrayLike, fewest: int, ends: tuple[End, ...] = ()
+) -> ViaPoints:
     """The points of a law, checked: within bounds, times strictly increasing, none too close, at least `fewest` of them.
 
     Raises PlanError naming the law, the value and the bound.
     """
     t, q = np.asarray(times_s, dtype=np.float64), np.asarray(points_m, dtype=np.float64)
     if t.ndim != 1 or t.shape != q.shape:
-        raise PlanError(f"{law}: times_s has shape {t.shape}, points_m {q.shape}; must both be (N,): give a time a point")
+        raise PlanError(
+            f"{law}: times_s has shape {t.shape}, points_m {q.shape}; must both be (N,): give a time a point"
+        )
     if t.size < fewest:
-        raise PlanError(f"{law}: {t.size} points; must be >= {fewest}: add points, or take a two-point law")
-    for name, values, most in (("times_s", t, LATEST_S), ("points_m", q, bounds.FARTHEST_M), ("ends", ends, bounds.FASTEST)):
+        raise PlanError(
+            f"{law}: {t.size} points; must be >= {fewest}: add points, or take a two-point law"
+        )
+    for name, values, most in (
+        ("times_s", t, LATEST_S),
+        ("points_m", q, bounds.FARTHEST_M),
+        ("ends", ends, bounds.FASTEST),
+    ):
         flat = np.ravel(values)
         for value in flat[~(np.abs(flat) <= most)][:1].tolist():
             check_range(f"{law}: a number of {name}", value, -most, most, "mend the table")
     for k in np.flatnonzero(np.diff(t) <= 0.0).tolist():
         what = "repeats" if t[k + 1] == t[k] else "goes back"
-        raise PlanError(f"{law}: times_s[{k + 1}] = {t[k + 1]:.12g} {what} after {t[k]:.12g}; must increase: mend the table")
+        raise PlanError(
+            f"{law}: times_s[{k + 1}] = {t[k + 1]:.12g} {what} after {t[k]:.12g}; must increase: mend the table"
+        )
     total = bounds.duration(float(t[-1] - t[0]))
     for k in np.flatnonzero(np.diff(t) < SHORTEST * total).tolist():
         raise PlanError(

@@ -32,19 +32,25 @@ class ShapeSearch:
         tables = [self.shape(h, q) for q in self.points.T]
         ranges = [[extremes(*table, order) for table in tables] for order in self.bounds]
         signed = np.array([[(-low, high) for low, high in row] for row in ranges])
-        loads: FloatArray = signed / np.array(list(self.bounds.values())).reshape(-1, *[1] * (signed.ndim - 1))
+        loads: FloatArray = signed / np.array(list(self.bounds.values())).reshape(
+            -1, *[1] * (signed.ndim - 1)
+        )
         return loads
 
     def scaled(self, h: FloatArray) -> FloatArray:
         """The same shapes, as fast as the bounds allow: (..., K)."""
         peaks = self.loads(h).max(axis=-1).max(axis=(1, 2))  # (bounds, ...)
-        slower = np.max([peak ** (1.0 / order) for order, peak in zip(self.bounds, peaks, strict=True)], axis=0)
+        slower = np.max(
+            [peak ** (1.0 / order) for order, peak in zip(self.bounds, peaks, strict=True)], axis=0
+        )
         scaled: FloatArray = h * slower[..., None]
         return scaled
 
     def reached(self, h: FloatArray) -> dict[int, float]:
         """The largest share of each bound."""
-        return {order: float(load.max()) for order, load in zip(self.bounds, self.loads(h), strict=True)}
+        return {
+            order: float(load.max()) for order, load in zip(self.bounds, self.loads(h), strict=True)
+        }
 
     def polish(self, h: FloatArray) -> FloatArray:
         """The nearest local minimum: sequential quadratic programming in the logarithms, then exact scaling."""
@@ -62,7 +68,15 @@ class ShapeSearch:
         margins: Any = {"type": "ineq", "fun": self._margins, "jac": self._slopes}
         options: Any = {"ftol": 1e-12, "maxiter": 200}
         bounds = [(x - RATIO, x + RATIO) for x in start.tolist()]
-        found = minimize(total, start, jac=slope, bounds=bounds, constraints=margins, method="SLSQP", options=options)
+        found = minimize(
+            total,
+            start,
+            jac=slope,
+            bounds=bounds,
+            constraints=margins,
+            method="SLSQP",
+            options=options,
+        )
         better = self.scaled(np.exp(found.x))
         return better if better.sum() < whole else h
 

@@ -7,7 +7,9 @@ import numpy as np
 from planners.trajectories.pieces import FloatArray
 
 
-def solve(lower: FloatArray, diagonal: FloatArray, upper: FloatArray, right: FloatArray) -> FloatArray:
+def solve(
+    lower: FloatArray, diagonal: FloatArray, upper: FloatArray, right: FloatArray
+) -> FloatArray:
     """x with lower x[k-1] + diagonal x[k] + upper x[k+1] = right, for every leading index: (..., n) all.
 
     The systems are laid end to end as one banded system, in which the first lower and the last upper entry of each is 0.
@@ -17,5 +19,7 @@ def solve(lower: FloatArray, diagonal: FloatArray, upper: FloatArray, right: Flo
     bands = np.zeros((3, *np.broadcast_shapes(diagonal.shape, right.shape)))
     bands[0, ..., 1:], bands[1], bands[2, ..., :-1] = upper[..., :-1], diagonal, lower[..., 1:]
     flat = np.broadcast_to(right, bands.shape[1:]).ravel()
-    x: FloatArray = solve_banded((1, 1), bands.reshape(3, -1), flat, check_finite=False, overwrite_ab=True)
+    x: FloatArray = solve_banded(
+        (1, 1), bands.reshape(3, -1), flat, check_finite=False, overwrite_ab=True
+    )
     return x.reshape(bands.shape[1:])

@@ -20,7 +20,9 @@ from planners.errors import PlanError
 from planners.trajectories.pieces import ComplexArray, ExpPolynomial, FloatArray, Piece, Smooth
 
 TERMS = 16
-TAIL = 1e-13  # a smooth cell is resolved when its last terms are below this share of the largest value
+TAIL = (
+    1e-13  # a smooth cell is resolved when its last terms are below this share of the largest value
+)
 SHORTEST = 2.0**-20  # of the duration; a smooth function needs no shorter cell
 ROUNDING = 4e-16
 BLOCK = 512  # pieces whose samples are swept together: a million through 10,000 pieces take 4 ms, without blocks 15
@@ -50,11 +52,20 @@ class Cells(NamedTuple):
         from numpy.polynomial.legendre import legder, legroots
 
         slopes = legder(self.series, axis=1)  # (cells, terms - 1)
-        rest = np.sum(np.abs(slopes[:, 1:]), axis=1)  # |P_k| <= 1: the slope has no zero where its mean outweighs the rest
+        rest = np.sum(
+            np.abs(slopes[:, 1:]), axis=1
+        )  # |P_k| <= 1: the slope has no zero where its mean outweighs the rest
         cells, places = [np.zeros(0, dtype=np.intp)], [np.zeros(0)]
         for k in np.flatnonzero((np.abs(slopes[:, 0]) <= rest) & (rest > 0)):
-            slope = np.trim_zeros(np.where(np.abs(slopes[k]) > ROUNDING * np.abs(self.series[k]).max(), slopes[k], 0.0), "b")
-            roots = legroots(slope).real if slope.size > 1 else np.zeros(0)  # a spurious one costs a look, no more
+            slope = np.trim_zeros(
+                np.where(
+                    np.abs(slopes[k]) > ROUNDING * np.abs(self.series[k]).max(), slopes[k], 0.0
+                ),
+                "b",
+            )
+            roots = (
+                legroots(slope).real if slope.size > 1 else np.zeros(0)
+            )  # a spurious one costs a look, no more
             places.append(roots[np.abs(roots) <= 1.0])
             cells.append(np.full(places[-1].size, k))
         return np.concatenate(cells), np.concatenate(places)
@@ -88,11 +99,18 @@ class Polynomials(Sequence[ExpPolynomial]):
         """The table, or None when a piece is not a plain polynomial."""
         if isinstance(pieces, Polynomials):
             return pieces
-        rows = [piece.coefficients for piece in pieces if isinstance(piece, ExpPolynomial) and not piece.modes]
+        rows = [
+            piece.coefficients
+            for piece in pieces
+            if isinstance(piece, ExpPolynomial) and not piece.modes
+        ]
         if len(rows) < len(pieces):
             return None
         powers = max(map(len, rows))
-        return cls(np.array([p.duration_s for p in pieces]), np.array([(*c, *(0.0,) * (powers - len(c))) for c in rows]))
+        return cls(
+            np.array([p.duration_s for p in pieces]),
+            np.array([(*c, *(0.0,) * (powers - len(c))) for c in rows]),
+        )
 
     def derivative(self, order: int) -> Polynomials:
         """The rate of change of that order."""
@@ -109,7 +127,9 @@ class Polynomials(Sequence[ExpPolynomial]):
             out += c[k]
         return out
 
-    def sweep(self, t: FloatArray, breaks_s: FloatArray, cuts: NDArray[np.intp], out: FloatArray) -> None:
+    def sweep(
+        self, t: FloatArray, breaks_s: FloatArray, cuts: NDArray[np.intp], out: FloatArray
+    ) -> None:
         """Fill out (M,) at ascending times t (M,): piece k, from breaks_s[k] on, has those from cuts[k] to cuts[k + 1]."""
         for k in range(0, len(self), BLOCK):
             last = min(k + BLOCK, len(self))
@@ -127,7 +147,11 @@ class Polynomials(Sequence[ExpPolynomial]):
         x, _, to_series = _gauss_legendre(self.coefficients.shape[1])
         halves = self.durations_s / 2.0
         scaled = self.coefficients * halves[:, None] ** np.arange(self.coefficients.shape[1])
-        return Cells(halves, halves, scaled @ np.power.outer(x + 1.0, np.arange(scaled.shape[1])).T @ to_series)
+        return Cells(
+            halves,
+            halves,
+            scaled @ np.power.outer(x + 1.0, np.arange(scaled.shape[1])).T @ to_series,
+        )
 
 
 def resolve(piece: Piece, order: int) -> Cells:

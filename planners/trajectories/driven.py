@@ -8,7 +8,14 @@ from itertools import zip_longest
 from typing import NamedTuple
 
 from planners.trajectories.cells import resolve
-from planners.trajectories.pieces import ExpPolynomial, Mode, Piece, exponential_integral, polynomial, polynomial_integral
+from planners.trajectories.pieces import (
+    ExpPolynomial,
+    Mode,
+    Piece,
+    exponential_integral,
+    polynomial,
+    polynomial_integral,
+)
 
 
 class Term(NamedTuple):
@@ -19,7 +26,9 @@ class Term(NamedTuple):
 
     def at(self, t: float) -> complex:
         """Value at local time t."""
-        return cmath.exp(self.rate_1_s * t) * sum((c * t**k for k, c in enumerate(self.coefficients)), 0j)
+        return cmath.exp(self.rate_1_s * t) * sum(
+            (c * t**k for k, c in enumerate(self.coefficients)), 0j
+        )
 
 
 def driven(push: ExpPolynomial, rate_1_s: complex, start: complex) -> list[Term]:
@@ -53,7 +62,9 @@ def accelerations(piece: Piece) -> list[ExpPolynomial]:
     cells, out = resolve(piece, 2), []
     for k in cells.middles_s.argsort():
         half = float(cells.halves_s[k])
-        local = polynomial(2.0 * half, [c / half**j for j, c in enumerate(leg2poly(cells.series[k]))])
+        local = polynomial(
+            2.0 * half, [c / half**j for j, c in enumerate(leg2poly(cells.series[k]))]
+        )
         out.append(local.window(-half, 2.0 * half))
     return out
 

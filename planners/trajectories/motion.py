@@ -23,11 +23,19 @@ class Motion:
     z: Trajectory
 
     @classmethod
-    def along(cls, axis: str, trajectory: Trajectory, others_m: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Motion:
+    def along(
+        cls,
+        axis: str,
+        trajectory: Trajectory,
+        others_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    ) -> Motion:
         """A move of one axis; the two others hold their entry of others_m. Raises PlanError for an unknown axis."""
         if axis not in AXES:
             raise unknown_name("axis", axis, AXES)
-        held = {name: Trajectory.hold(m, trajectory.duration_s) for name, m in zip(AXES, others_m, strict=True)}
+        held = {
+            name: Trajectory.hold(m, trajectory.duration_s)
+            for name, m in zip(AXES, others_m, strict=True)
+        }
         return cls(**(held | {axis: trajectory}))
 
     @property
@@ -42,7 +50,9 @@ class Motion:
     def then(self, other: Motion) -> Motion:
         """This motion, and when all its axes stand still the other. Raises PlanError when a position would jump."""
         end = self.duration_s
-        return Motion(*(_until(a, end).then(b) for a, b in zip(_axes(self), _axes(other), strict=True)))
+        return Motion(
+            *(_until(a, end).then(b) for a, b in zip(_axes(self), _axes(other), strict=True))
+        )
 
 
 def _axes(motion: Motion) -> tuple[Trajectory, Trajectory, Trajectory]:

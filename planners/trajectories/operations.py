@@ -11,7 +11,16 @@ import numpy as np
 
 from planners import bounds
 from planners.errors import PlanError, check_range
-from planners.trajectories.pieces import ExpPolynomial, FloatArray, Mode, Number, Piece, Smooth, add_closed, polynomial
+from planners.trajectories.pieces import (
+    ExpPolynomial,
+    FloatArray,
+    Mode,
+    Number,
+    Piece,
+    Smooth,
+    add_closed,
+    polynomial,
+)
 from planners.trajectories.trajectory import JUMP, Trajectory
 
 HIGHEST_ORDER = 8  # derivatives of a composition
@@ -22,7 +31,11 @@ def translated(trajectory: Trajectory, distance_m: float = 0.0, delay_s: float =
     """The same move distance_m further and delay_s >= 0 later; it stands at its start until then."""
     if delay_s:
         check_range(
-            "delay_s", delay_s, bounds.SHORTEST_S, bounds.LONGEST_S, "take 0 or more, as no motion begins before its start"
+            "delay_s",
+            delay_s,
+            bounds.SHORTEST_S,
+            bounds.LONGEST_S,
+            "take 0 or more, as no motion begins before its start",
         )
     moved = trajectory.shifted(bounds.distance(distance_m))
     return Trajectory.hold(float(moved.at(0.0)), delay_s).then(moved) if delay_s else moved
@@ -38,8 +51,17 @@ def reversed_in_time(trajectory: Trajectory) -> Trajectory:
 
 def stretched(trajectory: Trajectory, factor: float) -> Trajectory:
     """q(t / factor): factor times as long, 1e-9 to 1e9 s, derivatives of order k divided by factor^k. PlanError otherwise."""
-    shortest, longest = bounds.SHORTEST_S / trajectory.duration_s, bounds.LONGEST_S / trajectory.duration_s
-    check_range("factor", factor, shortest * (1.0 - SLIVER), longest * (1.0 + SLIVER), "reverse with reversed_in_time")
+    shortest, longest = (
+        bounds.SHORTEST_S / trajectory.duration_s,
+        bounds.LONGEST_S / trajectory.duration_s,
+    )
+    check_range(
+        "factor",
+        factor,
+        shortest * (1.0 - SLIVER),
+        longest * (1.0 + SLIVER),
+        "reverse with reversed_in_time",
+    )
     return Trajectory(tuple(_stretched(piece, factor) for piece in trajectory.pieces))
 
 
@@ -48,8 +70,12 @@ def normalised(trajectory: Trajectory) -> Trajectory:
     start, end = trajectory.at([0.0, trajectory.duration_s]).tolist()
     low, high = trajectory.extent(0)
     if abs(end - start) <= JUMP * max(high - low, abs(start)):
-        raise PlanError(f"a motion from {start} m to {end} m; must end elsewhere to be normalised: cut it where it turns")
-    return stretched(trajectory.shifted(-start).scaled(1.0 / (end - start)), 1.0 / trajectory.duration_s)
+        raise PlanError(
+            f"a motion from {start} m to {end} m; must end elsewhere to be normalised: cut it where it turns"
+        )
+    return stretched(
+        trajectory.shifted(-start).scaled(1.0 / (end - start)), 1.0 / trajectory.duration_s
+    )
 
 
 def within_limits(
@@ -64,15 +90,23 @@ def within_limits(
     A motion that stands still stays as it is. Raises PlanError for a limit out of bounds, when none is finite, and for a
     limit that stretching cannot keep: of the acceleration when the speed has a step, of the jerk when the acceleration has.
     """
-    limits = {"speed_m_s": speed_m_s, "acceleration_m_s2": acceleration_m_s2, "jerk_m_s3": jerk_m_s3}
+    limits = {
+        "speed_m_s": speed_m_s,
+        "acceleration_m_s2": acceleration_m_s2,
+        "jerk_m_s3": jerk_m_s3,
+    }
     if not any(math.isfinite(bounds.limit(*item)) for item in limits.items()):
-        raise PlanError(f"limits {limits} of a motion; one at least must be finite: give a speed or an acceleration")
+        raise PlanError(
+            f"limits {limits} of a motion; one at least must be finite: give a speed or an acceleration"
+        )
     factor = 0.0
     for order, (name, limit) in enumerate(limits.items(), start=1):
         if not math.isfinite(limit):
             continue
         if not trajectory.continuous(order - 1):
-            raise PlanError(f"{name} = {limit} for a motion with a step in derivative {order - 1}; must have none: smooth it")
+            raise PlanError(
+                f"{name} = {limit} for a motion with a step in derivative {order - 1}; must have none: smooth it"
+            )
         factor = max(factor, (trajectory.peak(order).value / limit) ** (1.0 / order))
     return stretched(trajectory, factor) if factor else trajectory
 
@@ -84,7 +118,9 @@ def composed(trajectory: Trajectory, sigma: Trajectory) -> Trajectory:
     touch 0 at single instants, e.g. at its ends), twice continuously differentiable inside. Raises PlanError otherwise.
     """
     _check_clock(trajectory, sigma)
-    cuts = np.concatenate([sigma.breaks_s, [_when(sigma, t_s) for t_s in trajectory.breaks_s[1:-1].tolist()]])
+    cuts = np.concatenate(
+        [sigma.breaks_s, [_when(sigma, t_s) for t_s in trajectory.breaks_s[1:-1].tolist()]]
+    )
     cuts.sort()
     kept = cuts[np.append(True, np.diff(cuts) > SLIVER * cuts[-1])]
     kept[-1] = cuts[-1]
@@ -95,7 +131,11 @@ def _reversed(piece: Piece) -> Piece:
     end = piece.duration_s
     if isinstance(piece, Smooth):
         function = piece.at
-        return Smooth(end, lambda t, order: (-1.0) ** order * function(np.maximum(end - t, 0.0), order), piece.highest_order)
+        return Smooth(
+            end,
+            lambda t, order: (-1.0) ** order * function(np.maximum(end - t, 0.0), order),
+            piece.highest_order,
+        )
     tail = piece.window(end, end)  # on the time since the end; then t -> -t
     modes = tuple(Mode(-rate, tuple(_alternating(c))) for rate, c in tail.modes)
     return ExpPolynomial(end, tuple(_alternating(tail.coefficients)), modes)
@@ -109,7 +149,11 @@ def _stretched(piece: Piece, factor: float) -> Piece:
     duration_s = piece.duration_s * factor
     if isinstance(piece, Smooth):
         function = piece.at
-        return Smooth(duration_s, lambda t, order: function(t / factor, order) / factor**order, piece.highest_order)
+        return Smooth(
+            duration_s,
+            lambda t, order: function(t / factor, order) / factor**order,
+            piece.highest_order,
+        )
     modes = tuple(Mode(rate / factor, tuple(_slowed(c, factor))) for rate, c in piece.modes)
     return ExpPolynomial(duration_s, tuple(_slowed(piece.coefficients, factor)), modes)
 
@@ -123,26 +167,38 @@ def _check_clock(trajectory: Trajectory, sigma: Trajectory) -> None:
     start_s, end_s = sigma.at([0.0, sigma.duration_s]).tolist()
     span_s = trajectory.duration_s
     if max(abs(start_s), abs(end_s - span_s)) > JUMP * span_s:
-        raise PlanError(f"sigma runs from {start_s} to {end_s} s; must run from 0 to {span_s} s, the motion's time: scale it")
+        raise PlanError(
+            f"sigma runs from {start_s} to {end_s} s; must run from 0 to {span_s} s, the motion's time: scale it"
+        )
     slowest, fastest = sigma.extent(1)
-    rises = [float(piece.at(np.array(piece.duration_s)) - piece.at(np.zeros(()))) for piece in sigma.pieces]
+    rises = [
+        float(piece.at(np.array(piece.duration_s)) - piece.at(np.zeros(())))
+        for piece in sigma.pieces
+    ]
     if slowest < -SLIVER * fastest or min(rises) <= 0.0:
         raise PlanError(
             f"sigma is not increasing: lowest speed {slowest:.6g}, smallest rise over a piece {min(rises):.6g} s; "
             "must be >= 0 and > 0: take out what runs back or stands still"
         )
     for order in range(3):
-        steps = [float(b.at(np.zeros(()), order) - a.at(np.array(a.duration_s), order)) for a, b in pairwise(sigma.pieces)]
+        steps = [
+            float(b.at(np.zeros(()), order) - a.at(np.array(a.duration_s), order))
+            for a, b in pairwise(sigma.pieces)
+        ]
         worst, bound = max(map(abs, steps), default=0.0), JUMP * sigma.peak(order).value
         if worst > bound:
-            raise PlanError(f"derivative {order} of sigma steps by {worst:.6g}; must be <= {bound:.3g}: smooth the joint")
+            raise PlanError(
+                f"derivative {order} of sigma steps by {worst:.6g}; must be <= {bound:.3g}: smooth the joint"
+            )
 
 
 def _when(sigma: Trajectory, t_s: float) -> float:
     """The instant at which sigma shows t_s."""
     from scipy.optimize import brentq
 
-    return float(brentq(lambda t: float(sigma.at(t)) - t_s, 0.0, sigma.duration_s, xtol=1e-300, rtol=8.9e-16))
+    return float(
+        brentq(lambda t: float(sigma.at(t)) - t_s, 0.0, sigma.duration_s, xtol=1e-300, rtol=8.9e-16)
+    )
 
 
 def _composed(trajectory: Trajectory, sigma: Trajectory, start_s: float, end_s: float) -> Smooth:
@@ -157,9 +213,16 @@ def _composed(trajectory: Trajectory, sigma: Trajectory, start_s: float, end_s: 
         if order == 0:
             return path.at(place)
         rates = [clock.at(t, k) for k in range(1, order + 1)]
-        return np.asarray(sum(path.at(place, k) * _bell(order, k, rates) for k in range(1, order + 1)))
+        return np.asarray(
+            sum(path.at(place, k) * _bell(order, k, rates) for k in range(1, order + 1))
+        )
 
-    highest = min([HIGHEST_ORDER, *(piece.highest_order for piece in (clock, path) if isinstance(piece, Smooth))])
+    highest = min(
+        [
+            HIGHEST_ORDER,
+            *(piece.highest_order for piece in (clock, path) if isinstance(piece, Smooth)),
+        ]
+    )
     return Smooth(end_s - start_s, position, highest)
 
 
@@ -180,4 +243,6 @@ def _bell(n: int, k: int, rates: Sequence[FloatArray]) -> FloatArray | float:
     """Partial Bell polynomial B(n, k) of the derivatives 1, 2, ... of the inner function."""
     if k == 0 or n < k:
         return float(n == k)
-    return sum(comb(n - 1, i - 1) * rates[i - 1] * _bell(n - i, k - 1, rates) for i in range(1, n - k + 2))
+    return sum(
+        comb(n - 1, i - 1) * rates[i - 1] * _bell(n - i, k - 1, rates) for i in range(1, n - k + 2)
+    )

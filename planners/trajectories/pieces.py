@@ -40,7 +40,9 @@ class Mode(NamedTuple):
             wave *= size
         else:
             real = _horner([c.real for c in self.coefficients], t)
-            wave = real * np.cos(w * t) - _horner([c.imag for c in self.coefficients], t) * np.sin(w * t)
+            wave = real * np.cos(w * t) - _horner([c.imag for c in self.coefficients], t) * np.sin(
+                w * t
+            )
         if s:
             wave *= np.exp(s * t)
         return wave
@@ -63,7 +65,9 @@ class ExpPolynomial:
     @property
     def degree(self) -> int:
         """Highest power of t, in the polynomial or in front of a mode."""
-        return max(len(c) - 1 for c in (self.coefficients, *(mode.coefficients for mode in self.modes)))
+        return max(
+            len(c) - 1 for c in (self.coefficients, *(mode.coefficients for mode in self.modes))
+        )
 
     def at(self, t: FloatArray, order: int = 0) -> FloatArray:
         """Derivative of that order at local times t, any shape."""
@@ -130,11 +134,17 @@ class Smooth:
     def window(self, start_s: float, duration_s: float) -> Smooth:
         """The part from start_s on, on its own local time."""
         last = self.duration_s  # rounding of a joint must not leave the function's domain
-        return Smooth(duration_s, lambda t, order: self.at(np.clip(t + start_s, 0.0, last), order), self.highest_order)
+        return Smooth(
+            duration_s,
+            lambda t, order: self.at(np.clip(t + start_s, 0.0, last), order),
+            self.highest_order,
+        )
 
     def scaled(self, factor: float) -> Smooth:
         """factor times the piece."""
-        return Smooth(self.duration_s, lambda t, order: factor * self.at(t, order), self.highest_order)
+        return Smooth(
+            self.duration_s, lambda t, order: factor * self.at(t, order), self.highest_order
+        )
 
 
 Piece: TypeAlias = ExpPolynomial | Smooth
@@ -158,7 +168,11 @@ def add_closed(a: ExpPolynomial, b: ExpPolynomial) -> ExpPolynomial:
     modes: dict[complex, tuple[complex, ...]] = {}
     for rate, c in (*a.modes, *b.modes):
         modes[rate] = _sum(modes.get(rate, (0j,)), c)
-    return ExpPolynomial(a.duration_s, _sum(a.coefficients, b.coefficients), tuple(Mode(*item) for item in modes.items()))
+    return ExpPolynomial(
+        a.duration_s,
+        _sum(a.coefficients, b.coefficients),
+        tuple(Mode(*item) for item in modes.items()),
+    )
 
 
 def _horner(coefficients: Sequence[float], t: FloatArray) -> FloatArray:

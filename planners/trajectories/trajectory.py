@@ -53,10 +53,14 @@ class Trajectory:
 
     def __post_init__(self) -> None:
         if not self.pieces:
-            raise PlanError("a trajectory of 0 pieces; must be >= 1: use Trajectory.hold for standing still")
+            raise PlanError(
+                "a trajectory of 0 pieces; must be >= 1: use Trajectory.hold for standing still"
+            )
         durations = self._durations_s
         for k in np.flatnonzero(~((durations > 0.0) & (durations < math.inf)))[:1]:
-            raise PlanError(f"duration_s = {durations[k]} of piece {k}; must be finite and > 0: leave the piece out")
+            raise PlanError(
+                f"duration_s = {durations[k]} of piece {k}; must be finite and > 0: leave the piece out"
+            )
 
     @classmethod
     def hold(cls, position_m: float, duration_s: float) -> Trajectory:
@@ -81,7 +85,9 @@ class Trajectory:
         t = np.asarray(t_s, dtype=np.float64)
         flat = t.ravel()
         if np.isnan(flat).any():
-            raise PlanError("t_s holds nan; every time must be a number: mend the clock or the table it came from")
+            raise PlanError(
+                "t_s holds nan; every time must be a number: mend the clock or the table it came from"
+            )
         if flat.size > 1 and np.any(flat[1:] < flat[:-1]):
             rank = np.argsort(flat, kind="stable")
             values = np.empty_like(flat)
@@ -110,7 +116,9 @@ class Trajectory:
         """This one, and at its end the other. Raises PlanError when the position would jump."""
         end, start = self._ends(0)[1][-1], other._ends(0)[0][0]
         if abs(start - end) > JUMP * max(1.0, abs(end)):
-            raise PlanError(f"position jumps from {end} m to {start} m; must meet within {JUMP:g} m: shift the second part")
+            raise PlanError(
+                f"position jumps from {end} m to {start} m; must meet within {JUMP:g} m: shift the second part"
+            )
         return Trajectory((*self.pieces, *other.pieces))
 
     def scaled(self, factor: float) -> Trajectory:
@@ -119,7 +127,9 @@ class Trajectory:
 
     def shifted(self, offset_m: float) -> Trajectory:
         """The same move from another place."""
-        return Trajectory(tuple(add(piece, polynomial(piece.duration_s, (offset_m,))) for piece in self.pieces))
+        return Trajectory(
+            tuple(add(piece, polynomial(piece.duration_s, (offset_m,))) for piece in self.pieces)
+        )
 
     def _at_sorted(self, t: FloatArray, order: int) -> FloatArray:
         first, last = self.pieces[0], self.pieces[-1]
@@ -172,20 +182,26 @@ class Trajectory:
             square += cells.square_integral()
         t, v = np.concatenate(times), np.concatenate(values)
         k = int(np.argmax(np.abs(v)))
-        return _Summary(Extent(float(v.min()), float(v.max())), Peak(float(abs(v[k])), float(t[k])), square)
+        return _Summary(
+            Extent(float(v.min()), float(v.max())), Peak(float(abs(v[k])), float(t[k])), square
+        )
 
     def _summarize_table(self, table: Polynomials) -> _Summary:
         cells, each = table.cells(), np.arange(len(self.pieces))
         k, x = cells.turns()
         k, t = (
             np.concatenate([each, each, k]),
-            np.concatenate([0.0 * cells.halves_s, table.durations_s, cells.halves_s[k] * (1.0 + x)]),
+            np.concatenate(
+                [0.0 * cells.halves_s, table.durations_s, cells.halves_s[k] * (1.0 + x)]
+            ),
         )
         v = table.at(k, t)
         t += self.breaks_s[k]
         first = np.lexsort((t, -np.abs(v)))[0]
         return _Summary(
-            Extent(float(v.min()), float(v.max())), Peak(float(abs(v[first])), float(t[first])), cells.square_integral()
+            Extent(float(v.min()), float(v.max())),
+            Peak(float(abs(v[first])), float(t[first])),
+            cells.square_integral(),
         )
 
     def _joined(self, order: int) -> bool:

@@ -10,7 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from comms.records import LinkRow
-from rig.analysis.identify.decay import DecayFit, cable_length_m, cable_length_sigma_m, fit_decay, identifiable
+from rig.analysis.identify.decay import (
+    DecayFit,
+    cable_length_m,
+    cable_length_sigma_m,
+    fit_decay,
+    identifiable,
+)
 from rig.analysis.identify.errors import AnalysisError
 from rig.analysis.identify.latency import alignment_s, command_latency_s, swing_error_rms_rad
 from rig.analysis.identify.swing import initial_swing_rad, peak_swing_rad, residual_amplitude_rad
@@ -51,7 +57,9 @@ def _fit(run: RunLog) -> tuple[DecayFit | None, str]:
     after = t >= run.t_settled_s
     frames = run.facts.average_frames
     try:
-        return fit_decay(t[after], angle[after], average_frames=frames, frame_period_s=1.0 / rate_hz), ""
+        return fit_decay(
+            t[after], angle[after], average_frames=frames, frame_period_s=1.0 / rate_hz
+        ), ""
     except AnalysisError as error:
         return None, str(error)
 
@@ -109,7 +117,10 @@ def _measured(run: RunLog, fit: DecayFit | None) -> tuple[Quantities, Quantities
     length = cable_length_m(fit.natural_frequency_hz, g)
     sigma_length = cable_length_sigma_m(fit.natural_frequency_hz, fit.sigma_natural_frequency_hz, g)
     found = {
-        "residual_swing_rad": (float(fit.amplitude_at(np.array(run.t_settled_s))), fit.sigma_amplitude_rad),
+        "residual_swing_rad": (
+            float(fit.amplitude_at(np.array(run.t_settled_s))),
+            fit.sigma_amplitude_rad,
+        ),
         "natural_frequency_hz": (fit.natural_frequency_hz, fit.sigma_natural_frequency_hz),
         "damping_ratio": (fit.damping_ratio, fit.sigma_damping_ratio),
         "cable_length_m": (length, sigma_length),
@@ -134,7 +145,9 @@ def _truth(run: RunLog) -> Quantities | None:
         return None
     load = run.world["pendulum"]
     truth = Quantities(
-        natural_frequency_hz=omega / (2 * math.pi), damping_ratio=load["damping_ratio"], cable_length_m=load["length_m"]
+        natural_frequency_hz=omega / (2 * math.pi),
+        damping_ratio=load["damping_ratio"],
+        cable_length_m=load["length_m"],
     )
     t, angle, rate, _ = run.truth.T
     if run.t_start_s is not None and t.size > 1 and t[-1] >= run.t_settled_s:
@@ -143,14 +156,19 @@ def _truth(run: RunLog) -> Quantities | None:
         t0, t1 = _swing_window(run)
         curve = CubicHermiteSpline(t, angle, rate)
         at = float(run.t_settled_s)
-        truth.residual_swing_rad = residual_amplitude_rad(float(curve(at)), float(curve(at, 1)), omega)
+        truth.residual_swing_rad = residual_amplitude_rad(
+            float(curve(at)), float(curve(at, 1)), omega
+        )
         truth.peak_swing_rad = peak_swing_rad(t, angle, t0, t1)
     return truth
 
 
 def _planned(run: RunLog) -> Planned:
     metrics = run.plan.metrics or {}
-    return Planned(peak_swing_rad=metrics.get("peak_swing_rad"), residual_swing_rad=metrics.get("residual_swing_nonlinear_rad"))
+    return Planned(
+        peak_swing_rad=metrics.get("peak_swing_rad"),
+        residual_swing_rad=metrics.get("residual_swing_nonlinear_rad"),
+    )
 
 
 def _latency(run: RunLog) -> Latency:
@@ -162,7 +180,9 @@ def _latency(run: RunLog) -> Latency:
     if run.plan.time_s > 0 and keep.sum() > 10:
         latency.command = _ms(command_latency_s(t[keep], actual[keep], run.planned_m))
     arrival = run.receipts("angle")
-    late = [(arrival[a.seq] - a.t_valid_ns) * 1e-6 for a in run.angles if a.valid and a.seq in arrival]
+    late = [
+        (arrival[a.seq] - a.t_valid_ns) * 1e-6 for a in run.angles if a.valid and a.seq in arrival
+    ]
     latency.vision = float(np.median(late)) if late else None
     hop = _exposure_to_angle_ms(run, arrival)
     latency.exposure_to_angle_p99 = float(np.percentile(hop, 99)) if hop else None
@@ -177,7 +197,11 @@ def _exposure_to_angle_ms(run: RunLog, arrival: dict[int, int]) -> list[float]:
     """End of exposure to the angle's arrival; vision answers each delivered frame, in order, with one angle."""
     delivered = sorted(run.receipts("frame").items(), key=lambda item: item[1])
     frames = run.frames
-    return [(arrival[k] - frames[seq].t_ns) * 1e-6 for k, (seq, _) in enumerate(delivered) if k in arrival and seq in frames]
+    return [
+        (arrival[k] - frames[seq].t_ns) * 1e-6
+        for k, (seq, _) in enumerate(delivered)
+        if k in arrival and seq in frames
+    ]
 
 
 def _swing_error(run: RunLog) -> SwingError:
@@ -187,7 +211,10 @@ def _swing_error(run: RunLog) -> SwingError:
         return error
     t, angle, _ = run.swing
     inside = (t >= run.t_move_s) & (t <= run.t_settled_s) & (run.plan.time_s > 0)
-    for name, keep in (("during_move_rad", inside), ("outside_move_rad", ~inside & (t >= run.t_start_s))):
+    for name, keep in (
+        ("during_move_rad", inside),
+        ("outside_move_rad", ~inside & (t >= run.t_start_s)),
+    ):
         with suppress(AnalysisError):
             setattr(error, name, swing_error_rms_rad(t[keep], angle[keep], *run.truth.T[:3]))
     return error
@@ -199,15 +226,24 @@ def _initial_swing(run: RunLog) -> float | None:
     t, angle, _ = run.swing
     quiet = (t >= run.t_start_s) & (t < run.t_move_s)
     try:
-        return initial_swing_rad(t[quiet], angle[quiet], math.sqrt(run.facts.gravity_m_s2 / run.facts.cable_length_m))
+        return initial_swing_rad(
+            t[quiet], angle[quiet], math.sqrt(run.facts.gravity_m_s2 / run.facts.cable_length_m)
+        )
     except AnalysisError:
         return None
 
 
 def _lateness(run: RunLog) -> Lateness:
     arrival = run.receipts("reference")
-    late = np.array([arrival[r.seq] - r.t_target_ns for r in run.references() if r.seq in arrival], dtype=np.float64)
-    lateness = Lateness(late_ticks=run.late_ticks(), references=late.size, references_late=int((late > LATE_NS).sum()))
+    late = np.array(
+        [arrival[r.seq] - r.t_target_ns for r in run.references() if r.seq in arrival],
+        dtype=np.float64,
+    )
+    lateness = Lateness(
+        late_ticks=run.late_ticks(),
+        references=late.size,
+        references_late=int((late > LATE_NS).sum()),
+    )
     if late.size:
         lateness.reference_p99_ms = float(np.percentile(late, 99)) * 1e-6
         lateness.reference_max_ms = float(late.max()) * 1e-6
@@ -232,7 +268,11 @@ def _link(row: LinkRow) -> LinkSummary:
 
 def _judge(s: Summary, run: RunLog, fit_failure: str) -> None:
     """bad: the run did not end as asked, or says nothing; doubtful: it did, with something to explain."""
-    bad = [f"the log is incomplete: {run.log.damage}; what is left was analysed"] if not s.complete else []
+    bad = (
+        [f"the log is incomplete: {run.log.damage}; what is left was analysed"]
+        if not s.complete
+        else []
+    )
     if s.exit_status != "ok":
         bad += [] if s.reasons or bad else [f"the run ended with exit status '{s.exit_status}'"]
     elif run.facts.rate_hz and fit_failure:
@@ -249,19 +289,36 @@ def _judge(s: Summary, run: RunLog, fit_failure: str) -> None:
 
 
 def _doubts(s: Summary, run: RunLog) -> list[str]:
-    doubts = [f"link '{n}': {row.unexplained} packets unexplained" for n, row in s.links.items() if row.unexplained]
-    doubts += [f"link '{n}': {row.lost_kernel} lost by the kernel" for n, row in s.links.items() if row.lost_kernel]
+    doubts = [
+        f"link '{n}': {row.unexplained} packets unexplained"
+        for n, row in s.links.items()
+        if row.unexplained
+    ]
+    doubts += [
+        f"link '{n}': {row.lost_kernel} lost by the kernel"
+        for n, row in s.links.items()
+        if row.lost_kernel
+    ]
     if s.frames and s.angles_valid < MIN_VALID * s.frames:
         why = ", ".join(f"{reason} {n}" for reason, n in sorted(s.refusals.items()))
-        doubts.append(f"{s.angles_valid} of {s.frames} frames gave an angle ({why}); must be >= {MIN_VALID:.0%}")
+        doubts.append(
+            f"{s.angles_valid} of {s.frames} frames gave an angle ({why}); must be >= {MIN_VALID:.0%}"
+        )
     doubts += [f"no count from {end}: its packets cannot be balanced" for end in run.uncounted]
     late = s.lateness
-    if late.references_late > MAX_LATE * late.references and run.facts.reference_delay_ms * 1e6 < LATE_NS:
-        doubts.append(f"{late.references_late} of {late.references} references accepted > 30 ms late: the machine is too busy")
+    if (
+        late.references_late > MAX_LATE * late.references
+        and run.facts.reference_delay_ms * 1e6 < LATE_NS
+    ):
+        doubts.append(
+            f"{late.references_late} of {late.references} references accepted > 30 ms late: the machine is too busy"
+        )
     error = s.swing_error.outside_move_rad
     if error is not None and error > MAX_SWING_ERROR_RAD:
         bound = MAX_SWING_ERROR_RAD * 1e3
-        doubts.append(f"measured swing is {error * 1e3:.2f} mrad rms off the truth; must be <= {bound} mrad: calibrate again")
+        doubts.append(
+            f"measured swing is {error * 1e3:.2f} mrad rms off the truth; must be <= {bound} mrad: calibrate again"
+        )
     return doubts
 
 
@@ -270,7 +327,10 @@ def _ms(seconds: float | None) -> float | None:
 
 
 def _pairs(metadata: dict[str, str], key: str) -> list[tuple[str, str]]:
-    return [(name, value) for name, _, value in (word.partition("=") for word in metadata.get(key, "").split())]
+    return [
+        (name, value)
+        for name, _, value in (word.partition("=") for word in metadata.get(key, "").split())
+    ]
 
 
 def _number(text: str | None) -> float | None:

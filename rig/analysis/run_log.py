@@ -39,7 +39,9 @@ class RunLog:
         try:
             _ = run.facts, run.plan, run.world
         except msgspec.MsgspecError as error:
-            raise LogError(f"{path}: an attachment cannot be read ({error}): damaged, or of another version") from error
+            raise LogError(
+                f"{path}: an attachment cannot be read ({error}): damaged, or of another version"
+            ) from error
         return run
 
     @property
@@ -87,7 +89,11 @@ class RunLog:
     @cached_property
     def swing(self) -> tuple[Array, Array, Array]:
         """Valid angles: instants [s], angles [rad], sigmas [rad], each (N,)."""
-        rows = [(a.t_valid_ns * 1e-9, a.angle_rad, a.sigma_rad) for a in self.angles if a.angle_rad is not None]
+        rows = [
+            (a.t_valid_ns * 1e-9, a.angle_rad, a.sigma_rad)
+            for a in self.angles
+            if a.angle_rad is not None
+        ]
         t, angle, sigma = np.array(rows, dtype=np.float64).reshape(-1, 3).T
         keep = np.concatenate([[True], np.diff(t) > 0]) if t.size else np.zeros(0, dtype=bool)
         return t[keep], angle[keep], sigma[keep]
@@ -107,19 +113,28 @@ class RunLog:
     @property
     def uncounted(self) -> list[str]:
         """Ends of links whose count never came: "link: task"."""
-        return [line for line in self.log.metadata.get("run.stop", {}).get("uncounted", "").splitlines() if line]
+        return [
+            line
+            for line in self.log.metadata.get("run.stop", {}).get("uncounted", "").splitlines()
+            if line
+        ]
 
     @cached_property
     def truth(self) -> Array:
         """(N, 4): instant [s], angle [rad], rate [rad/s], platform x [m]; (0, 4) on a real rig."""
-        rows = [(t.t_ns * 1e-9, t.angle_rad, t.angular_velocity_rad_s, t.position_m[0]) for t in self.log.read("/truth", Truth)]
+        rows = [
+            (t.t_ns * 1e-9, t.angle_rad, t.angular_velocity_rad_s, t.position_m[0])
+            for t in self.log.read("/truth", Truth)
+        ]
         return np.array(rows, dtype=np.float64).reshape(-1, 4)
 
     @cached_property
     def robot(self) -> Array:
         """(N, 4): instant of sending [s], commanded x [m], instant of measuring [s], actual x [m]."""
         states = self.log.read("/robot_state", RobotState)
-        rows = [(s.t_ns * 1e-9, s.commanded_m[0], s.t_actual_ns * 1e-9, s.actual_m[0]) for s in states]
+        rows = [
+            (s.t_ns * 1e-9, s.commanded_m[0], s.t_actual_ns * 1e-9, s.actual_m[0]) for s in states
+        ]
         return np.array(rows, dtype=np.float64).reshape(-1, 4)
 
     def planned_m(self, t_s: Array) -> Array:

@@ -61,8 +61,12 @@ class Latency(msgspec.Struct, kw_only=True):
 
     command: float | None = None
     vision: float | None = None
-    alignment: float | None = None  # measured swing behind the truth, which a right stamp makes zero
-    exposure_to_angle_p99: float | None = None  # end of exposure to arrival, the experiment's own delays included
+    alignment: float | None = (
+        None  # measured swing behind the truth, which a right stamp makes zero
+    )
+    exposure_to_angle_p99: float | None = (
+        None  # end of exposure to arrival, the experiment's own delays included
+    )
 
 
 class SwingError(msgspec.Struct, kw_only=True):
@@ -127,7 +131,9 @@ class Summary(msgspec.Struct, kw_only=True):
     swing_fit_rms_rad: float | None = None
     complete: bool = True
     loop_s: float | None = None
-    cpu_share: dict[str, float] = {}  # of one core, by process, while the run was under way; wall mode only
+    cpu_share: dict[
+        str, float
+    ] = {}  # of one core, by process, while the run was under way; wall mode only
     scheduling: dict[str, str] = {}  # fifo or other, by task; wall mode only
     events: list[str] = []
 

@@ -53,7 +53,9 @@ class Motor:
         """
         bounds.datum("torque_n_m", torque_n_m)
         speed = np.linspace(0.0, self.max_speed_rad_s, points)
-        by_power = np.divide(self.peak_power_w, speed, out=np.full(points, math.inf), where=speed > 0.0)
+        by_power = np.divide(
+            self.peak_power_w, speed, out=np.full(points, math.inf), where=speed > 0.0
+        )
         return speed, np.minimum(torque_n_m, by_power)
 
 
@@ -73,9 +75,15 @@ class Drivetrain:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            bounds.datum(field.name, getattr(self, field.name), zero=field.name not in ("gear_ratio", "radius_m"))
+            bounds.datum(
+                field.name,
+                getattr(self, field.name),
+                zero=field.name not in ("gear_ratio", "radius_m"),
+            )
         if not self.inertia_kg_m2 > 0.0:
-            raise PlanError("inertia_kg_m2 = 0 of a drivetrain; must be > 0: the motor's rotor has some")
+            raise PlanError(
+                "inertia_kg_m2 = 0 of a drivetrain; must be > 0: the motor's rotor has some"
+            )
 
     @property
     def inertia_kg_m2(self) -> float:
@@ -91,7 +99,13 @@ class Drivetrain:
         """Angle of the motor's shaft [rad]. Raises PlanError for a step in speed within the motion: no torque makes it."""
         bounds.duration(trajectory.duration_s)
         for place in trajectory.at(trajectory.breaks_s).tolist():
-            check_range("position", place, -bounds.FARTHEST_M, bounds.FARTHEST_M, "scale the motion to rad or m")
+            check_range(
+                "position",
+                place,
+                -bounds.FARTHEST_M,
+                bounds.FARTHEST_M,
+                "scale the motion to rad or m",
+            )
         _refuse_speed_steps(trajectory)
         return trajectory.scaled(self.gear_ratio / self.radius_m)
 
@@ -138,7 +152,9 @@ class Verdict(NamedTuple):
         return min(self.margins, key=self.margins.__getitem__)
 
 
-def check(motor: Motor, drivetrain: Drivetrain, trajectory: Trajectory, rest_s: float = 0.0) -> Verdict:
+def check(
+    motor: Motor, drivetrain: Drivetrain, trajectory: Trajectory, rest_s: float = 0.0
+) -> Verdict:
     """Whether the motor can repeat the motion with rest_s of standstill after each: peaks for the intermittent region, rms
     torque over motion and rest for the continuous one (source 000, its tau_eff <= tau_c and q'_max <= v_n).
 
@@ -163,7 +179,9 @@ def effort(drivetrain: Drivetrain, trajectory: Trajectory) -> Effort:
     """Peaks and rms at the motor's shaft. Torque^2 itself is integrated, so a motion between two speeds is right, too."""
     shaft = drivetrain.shaft(trajectory)
     torque = _torque(drivetrain, shaft)
-    power = Trajectory(tuple(_product(t, _rate(q, 1)) for t, q in zip(torque.pieces, shaft.pieces, strict=True)))
+    power = Trajectory(
+        tuple(_product(t, _rate(q, 1)) for t, q in zip(torque.pieces, shaft.pieces, strict=True))
+    )
     return Effort(torque.peak(), torque.rms(), shaft.peak(1), power.peak(), shaft.duration_s)
 
 
@@ -190,12 +208,16 @@ def operating_points(
 
 def _torque(drivetrain: Drivetrain, shaft: Trajectory) -> Trajectory:
     inertia, friction = drivetrain.inertia_kg_m2, drivetrain.friction_n_m_s_rad
-    return Trajectory(tuple(add(_rate(q, 2).scaled(inertia), _rate(q, 1).scaled(friction)) for q in shaft.pieces))
+    return Trajectory(
+        tuple(add(_rate(q, 2).scaled(inertia), _rate(q, 1).scaled(friction)) for q in shaft.pieces)
+    )
 
 
 def _rate(piece: Piece, order: int) -> Piece:
     if isinstance(piece, Smooth):
-        return Smooth(piece.duration_s, lambda t, k: piece.at(t, k + order), piece.highest_order - order)
+        return Smooth(
+            piece.duration_s, lambda t, k: piece.at(t, k + order), piece.highest_order - order
+        )
     for _ in range(order):
         piece = piece.derivative()
     return piece
@@ -206,7 +228,9 @@ def _product(a: Piece, b: Piece) -> Piece:
     if isinstance(a, Smooth) or isinstance(b, Smooth):
         return Smooth(a.duration_s, lambda t, _: a.at(t) * b.at(t), 0)
     parts: list[tuple[complex, Term]] = []
-    for (r, p), (s, q) in product((Mode(0j, a.coefficients), *a.modes), (Mode(0j, b.coefficients), *b.modes)):
+    for (r, p), (s, q) in product(
+        (Mode(0j, a.coefficients), *a.modes), (Mode(0j, b.coefficients), *b.modes)
+    ):
         for rate, other in ((s, np.array(q)), (s.conjugate(), np.conj(q))):
             parts.append((0.5, Term(r + rate, tuple(np.convolve(p, other).tolist()))))
     return real_part(parts, a.duration_s)

@@ -44,10 +44,14 @@ class MoveSection(Section, frozen=True, kw_only=True):
     axis: Literal["x"] = "x"
     start_m: Place = 0.0
     distance_m: Place = 0.2
-    time_s: Annotated[float, Meta(gt=0, le=600)] = 1.5  # with waypoints: of all, unless the file has t_s
+    time_s: Annotated[float, Meta(gt=0, le=600)] = (
+        1.5  # with waypoints: of all, unless the file has t_s
+    )
     waypoints: str = ""  # CSV file with x_m and if wanted t_s, y_m, z_m; a relative path starts at the experiment file
     spline: str = "b_spline_5"  # through the waypoints
-    allocation: Literal["root", "proportional", "equal"] = "root"  # of the time between waypoints without t_s
+    allocation: Literal["root", "proportional", "equal"] = (
+        "root"  # of the time between waypoints without t_s
+    )
 
 
 class ModelSection(Section, frozen=True, kw_only=True):
@@ -78,7 +82,9 @@ class PlanSection(Section, frozen=True, kw_only=True):
     nonlinear: bool = False  # plan for the true pendulum instead of its small swings
     robust: list[str] = []  # parameters whose error the plan should forgive
     law: str = "harmonic"
-    state_weights: dict[str, NotNegative] = {}  # Q's diagonal, by the model's states, e.g. { speed_m_s = 1.0 }
+    state_weights: dict[
+        str, NotNegative
+    ] = {}  # Q's diagonal, by the model's states, e.g. { speed_m_s = 1.0 }
     input_weight: Positive = 1.0  # R
 
 
@@ -101,7 +107,9 @@ class SafetySection(Section, frozen=True, kw_only=True):
     reference_stale_ms: Annotated[float, Meta(ge=30, le=60_000)] = 300.0
     robot_stale_ms: Annotated[float, Meta(ge=20, le=60_000)] = 100.0
     angle_stale_ms: Annotated[float, Meta(ge=100, le=60_000)] = 300.0
-    initial_swing_rad: Annotated[float, Meta(ge=0, le=1.6)] = 0.01  # a load swinging more before the start is refused
+    initial_swing_rad: Annotated[float, Meta(ge=0, le=1.6)] = (
+        0.01  # a load swinging more before the start is refused
+    )
 
 
 class CameraSection(Section, frozen=True, kw_only=True):
@@ -168,7 +176,11 @@ class Experiment(Section, frozen=True, kw_only=True):
 
 def shipped() -> list[str]:
     """Names of the experiments that come with the program."""
-    return sorted(p.name.removesuffix(".toml") for p in _folder("experiments").iterdir() if p.name.endswith(".toml"))
+    return sorted(
+        p.name.removesuffix(".toml")
+        for p in _folder("experiments").iterdir()
+        if p.name.endswith(".toml")
+    )
 
 
 def shipped_calibrations() -> list[str]:
@@ -202,7 +214,9 @@ def _check_links(links: Any) -> None:
     """What the types cannot say: a link is a channel. A `links` that is no table is left to them."""
     for name, faults in links.items() if isinstance(links, dict) else ():
         if name not in DATA:
-            raise ConfigError(f"[links.{name}]: no such link{nearest(name, DATA)}; links: {', '.join(DATA)}")
+            raise ConfigError(
+                f"[links.{name}]: no such link{nearest(name, DATA)}; links: {', '.join(DATA)}"
+            )
         convert(faults, LinkFaults, f"links.{name}")
 
 

@@ -22,7 +22,15 @@ from rig.run.runtime.children import PROCESSES
 from rig.run.runtime.processes import BUS_PORTS, channel_ports
 
 ROOMS = ("comms", "planners", "vision", "sim_rig", "rig")
-NEEDED = {"numpy": 2, "scipy": 1, "opencv-python-headless": 4, "pyzmq": 26, "mcap": 1, "msgspec": 0, "matplotlib": 3}
+NEEDED = {
+    "numpy": 2,
+    "scipy": 1,
+    "opencv-python-headless": 4,
+    "pyzmq": 26,
+    "mcap": 1,
+    "msgspec": 0,
+    "matplotlib": 3,
+}
 MIN_FREE_BYTES = 500_000_000  # a run takes 5 MB; a disk this full fails soon
 TIMER_PERIOD_NS, TIMER_TICKS = 5_000_000, 200
 TIMER_BOUND_MS = 2.0  # p99; above it setpoints come in visibly uneven
@@ -64,7 +72,12 @@ def _package(name: str, major: int) -> Check:
     except PackageNotFoundError:
         return Check(name, "failed", "not installed", "run `make setup`")
     good = int(found.split(".")[0]) >= major
-    return Check(name, "ok" if good else "failed", found, "" if good else f"need >= {major}: run `make setup`")
+    return Check(
+        name,
+        "ok" if good else "failed",
+        found,
+        "" if good else f"need >= {major}: run `make setup`",
+    )
 
 
 def _room(name: str) -> Check:
@@ -75,7 +88,11 @@ def _room(name: str) -> Check:
     if where is None:
         return Check(f"package {name}", "failed", "not found", "run `make setup`")
     ours = where.parent == home and _distributed()
-    advice = "" if ours else f"another package of this name is in front of ours in {home}: use the project's own environment"
+    advice = (
+        ""
+        if ours
+        else f"another package of this name is in front of ours in {home}: use the project's own environment"
+    )
     return Check(f"package {name}", "ok" if ours else "failed", str(where), advice)
 
 
@@ -92,14 +109,21 @@ def _calibration() -> Check:
     return (
         Check("calibration", "ok", known[-1])
         if known
-        else Check("calibration", "warning", "none shipped", "make one with `rig calibrate offsets`")
+        else Check(
+            "calibration", "warning", "none shipped", "make one with `rig calibrate offsets`"
+        )
     )
 
 
 def _disk(runs: Path) -> Check:
     where = next(p for p in (runs, *runs.absolute().parents) if p.exists())
     if not where.is_dir() or not os.access(where, os.W_OK):
-        return Check("disk", "failed", f"{where.resolve()} is not writable", "name another folder with --runs")
+        return Check(
+            "disk",
+            "failed",
+            f"{where.resolve()} is not writable",
+            "name another folder with --runs",
+        )
     free = shutil.disk_usage(where).free
     good = free >= MIN_FREE_BYTES
     advice = "" if good else f"need {MIN_FREE_BYTES / 1e6:.0f} MB: remove old runs"
@@ -112,11 +136,16 @@ def _ports(network: NetworkSection) -> Check:
         try:
             receiver = UdpReceiver(network.bind, 0, "doctor")
         except (CommsError, OSError) as error:
-            return Check("ports", "failed", str(error), f"can {network.bind} be bound on this machine?")
+            return Check(
+                "ports", "failed", str(error), f"can {network.bind} be bound on this machine?"
+            )
         receiver.close()
         return Check("ports", "ok", f"free ports on {network.bind}")
     wanted = [(base + i, False) for i in range(BUS_PORTS)]
-    wanted += [(port, CHANNELS[name].transport is Transport.UDP) for name, port in channel_ports(network.bind, base).items()]
+    wanted += [
+        (port, CHANNELS[name].transport is Transport.UDP)
+        for name, port in channel_ports(network.bind, base).items()
+    ]
     taken = [str(port) for port, udp in wanted if not port_is_free(network.bind, port, udp)]
     if taken:
         return Check(
@@ -132,13 +161,20 @@ def _receive_buffer(host: str) -> Check:
     found = receive_buffer_bytes(host)
     good = found >= 100_000  # a second of our busiest channel
     return Check(
-        "UDP receive buffer", "ok" if good else "warning", f"{found // 1024} KiB", "" if good else "raise net.core.rmem_max"
+        "UDP receive buffer",
+        "ok" if good else "warning",
+        f"{found // 1024} KiB",
+        "" if good else "raise net.core.rmem_max",
     )
 
 
 def _cores() -> Check:
     cores = len(os.sched_getaffinity(0))
-    advice = "" if cores >= 2 else f"{len(PROCESSES)} tasks and the operator share one core: expect late ticks"
+    advice = (
+        ""
+        if cores >= 2
+        else f"{len(PROCESSES)} tasks and the operator share one core: expect late ticks"
+    )
     return Check("cores", "ok" if cores >= 2 else "warning", str(cores), advice)
 
 
@@ -146,6 +182,10 @@ def _timer() -> Check:
     late_ms = np.array(timer_lateness_ns(TIMER_PERIOD_NS, TIMER_TICKS)) * 1e-6
     p99 = float(np.percentile(late_ms, 99))
     good = p99 <= TIMER_BOUND_MS
-    advice = "" if good else f"p99 should be <= {TIMER_BOUND_MS:g} ms: this machine is busy; expect late ticks"
+    advice = (
+        ""
+        if good
+        else f"p99 should be <= {TIMER_BOUND_MS:g} ms: this machine is busy; expect late ticks"
+    )
     found = f"a 5 ms tick is late by {np.median(late_ms):.2f} ms (median), {p99:.2f} (p99), {late_ms.max():.2f} (worst)"
     return Check("timer", "ok" if good else "warning", found, advice)

@@ -40,7 +40,9 @@ def run(
     Raises ConfigError or Refused when the run must not start; the folder exists only once it may.
     """
     plan = plan_move(experiment, stopwatch_s)  # belief -> motion
-    job = prepare(experiment, plan, bench.plant(experiment), motion)  # limits, workspace, envelope; what each task is told
+    job = prepare(
+        experiment, plan, bench.plant(experiment), motion
+    )  # limits, workspace, envelope; what each task is told
     before(job, plan)
     folder = runs.new_folder(runs_folder, experiment.experiment.name, mode, utc_now())
     outcome = execute(job, mode, folder, progress)  # streamer, controller, bench, vision, recorder
@@ -52,10 +54,17 @@ def _twin(job: Job, folder: Path, progress: Progress) -> Path | None:
     links = job.experiment.links
     if not any(faults.loss for faults in links.values()):
         return None
-    whole: dict[str, LinkFaults] = {name: msgspec.structs.replace(faults, loss=0.0) for name, faults in links.items()}
+    whole: dict[str, LinkFaults] = {
+        name: msgspec.structs.replace(faults, loss=0.0) for name, faults in links.items()
+    }
     twin = folder / "twin"
     twin.mkdir()
     execute(
-        msgspec.structs.replace(job, experiment=msgspec.structs.replace(job.experiment, links=whole)), "virtual", twin, progress
+        msgspec.structs.replace(
+            job, experiment=msgspec.structs.replace(job.experiment, links=whole)
+        ),
+        "virtual",
+        twin,
+        progress,
     )
     return twin

@@ -47,7 +47,9 @@ class Job(msgspec.Struct, frozen=True, kw_only=True):
             "plan.json": encode(self.plan),
             "bench.json": encode(self.settings["bench"]),
             "vision.json": encode(self.settings["vision"]),
-            "calibration.toml": calibration_file.text(self.calibration).encode() if self.calibration else b"",
+            "calibration.toml": calibration_file.text(self.calibration).encode()
+            if self.calibration
+            else b"",
         }
 
 
@@ -78,14 +80,18 @@ def plan_move(experiment: Experiment, timer: Any = None) -> Plan | None:
             robust=tuple(e.plan.robust),
             state_weights=e.plan.state_weights,
             input_weight=e.plan.input_weight,
-            limits=Limits(speed_m_s=e.limits.speed_m_s, acceleration_m_s2=e.limits.acceleration_m_s2),
+            limits=Limits(
+                speed_m_s=e.limits.speed_m_s, acceleration_m_s2=e.limits.acceleration_m_s2
+            ),
         )
         return catalog.plan(e.experiment.planner, problem, timer)
     except PlanError as error:
         raise ConfigError(str(error)) from error
 
 
-def prepare(experiment: Experiment, plan: Plan | None, plant: Plant, motion: Motion | None = None) -> Job:
+def prepare(
+    experiment: Experiment, plan: Plan | None, plant: Plant, motion: Motion | None = None
+) -> Job:
     """What each task is told. motion replaces the plan's (a calibration goes from point to point).
 
     Raises Refused when limits, workspace or envelope would be left; nothing has started then.
@@ -111,7 +117,13 @@ def prepare(experiment: Experiment, plan: Plan | None, plant: Plant, motion: Mot
         "vision": _vision(experiment, calibration),
         "streamer": _streamer(experiment, record, envelope),
     }
-    return Job(experiment=experiment, plan=record, calibration_name=name, calibration=calibration, settings=settings)
+    return Job(
+        experiment=experiment,
+        plan=record,
+        calibration_name=name,
+        calibration=calibration,
+        settings=settings,
+    )
 
 
 def _record(experiment: Experiment, plan: Plan | None, motion: Motion | None) -> PlanRecord:
@@ -141,7 +153,9 @@ def _metrics(plan: Plan | None) -> dict[str, float | bool] | None:
 def _envelope(experiment: Experiment) -> Envelope:
     s, limits = experiment.safety, experiment.limits
     if s.position_min_m >= s.position_max_m:
-        raise ConfigError(f"[safety] position_min_m = {s.position_min_m}; must be < position_max_m = {s.position_max_m}")
+        raise ConfigError(
+            f"[safety] position_min_m = {s.position_min_m}; must be < position_max_m = {s.position_max_m}"
+        )
     return Envelope(
         position_min_m=s.position_min_m,
         position_max_m=s.position_max_m,
@@ -158,10 +172,14 @@ def _check_envelope(record: PlanRecord, envelope: Envelope) -> None:
         refusal = gate.refusal(k * PERIOD_NS, position)
         if refusal is not None:
             at_s = k * PERIOD_NS * 1e-9 - record.quiet_s
-            raise Refused(f"the plan leaves the [safety] envelope {at_s:.2f} s into the move: {refusal}; shorten or slow it")
+            raise Refused(
+                f"the plan leaves the [safety] envelope {at_s:.2f} s into the move: {refusal}; shorten or slow it"
+            )
 
 
-def _vision(experiment: Experiment, calibration: calibration_file.Calibration | None) -> VisionSettings:
+def _vision(
+    experiment: Experiment, calibration: calibration_file.Calibration | None
+) -> VisionSettings:
     v = experiment.vision
     return VisionSettings(
         width=experiment.camera.width,
@@ -184,7 +202,9 @@ def _streamer(experiment: Experiment, record: PlanRecord, envelope: Envelope) ->
         positions_m=record.positions_m,
         move_ticks=(first, last) if record.time_s else (0, 0),
         envelope=envelope,
-        angle_stale_ns=round(experiment.safety.angle_stale_ms * MS) if experiment.camera.rate_hz > 0 else 0,
+        angle_stale_ns=round(experiment.safety.angle_stale_ms * MS)
+        if experiment.camera.rate_hz > 0
+        else 0,
         robot_stale_ns=round(experiment.safety.robot_stale_ms * MS),
         natural_frequency_rad_s=belief(experiment).natural_frequency_rad_s,
         initial_swing_rad=experiment.safety.initial_swing_rad,

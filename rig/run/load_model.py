@@ -20,11 +20,17 @@ def belief(experiment: Experiment) -> Model:
 
 def model_of(m: ModelSection) -> Model:
     """A cable, or a chain where links are named. Raises PlanError."""
-    common = {"damping_ratio": m.damping_ratio, "gravity_m_s2": m.gravity_m_s2, "cart_mass_kg": m.cart_mass_kg}
+    common = {
+        "damping_ratio": m.damping_ratio,
+        "gravity_m_s2": m.gravity_m_s2,
+        "cart_mass_kg": m.cart_mass_kg,
+    }
     if not m.links:
         for name in ("stiffness_n_m_rad", "joint_damping_n_m_s_rad", "tip_mass_kg"):
             if getattr(m, name):
-                raise PlanError(f"{name} = {getattr(m, name)} without links; a cable has none: name links, or leave it out")
+                raise PlanError(
+                    f"{name} = {getattr(m, name)} without links; a cable has none: name links, or leave it out"
+                )
         return PendulumModel(length_m=m.cable_m, mass_kg=m.mass_kg, **common)
     return ChainModel(
         links=parse_links(",".join(m.links)),

@@ -10,7 +10,16 @@ import msgspec
 from comms.link import LinkCount
 from comms.mcap_log import LogWriter
 from comms.messages import Frame, Message
-from comms.records import CompressedImage, Event, FrameStamp, LinkRow, Receipts, Record, Stamp, Timing
+from comms.records import (
+    CompressedImage,
+    Event,
+    FrameStamp,
+    LinkRow,
+    Receipts,
+    Record,
+    Stamp,
+    Timing,
+)
 
 FLUSH_EVERY_NS = 500_000_000
 JPEG_QUALITY = 92
@@ -23,7 +32,9 @@ class Recorder:
     def __init__(self, path: Path, start: dict[str, str], attachments: dict[str, bytes]) -> None:
         self._log = LogWriter(path, start)
         for name, data in attachments.items():
-            self._log.attach(name, "application/toml" if name.endswith(".toml") else "application/json", data)
+            self._log.attach(
+                name, "application/toml" if name.endswith(".toml") else "application/json", data
+            )
         self._log.flush()
         self._flushed_ns = 0
         self.counts: dict[str, int] = {}
@@ -42,7 +53,9 @@ class Recorder:
         if good:
             seconds, nanoseconds = divmod(frame.t_exposure_start_ns + frame.exposure_ns // 2, 10**9)
             stamp = Stamp(sec=seconds, nsec=nanoseconds)
-            image = CompressedImage(timestamp=stamp, frame_id=frame.camera, data=data.tobytes(), format="jpeg")
+            image = CompressedImage(
+                timestamp=stamp, frame_id=frame.camera, data=data.tobytes(), format="jpeg"
+            )
             self._log.write(PICTURES, image, frame.t_ns, log_ns, frame.seq)
 
     def record(self, record: Record, log_ns: int) -> None:
@@ -58,7 +71,9 @@ class Recorder:
     def close(self, rows: dict[str, LinkCount], stop: dict[str, str], log_ns: int) -> None:
         """The settled ledger, then the stop metadata."""
         for channel, count in rows.items():
-            self.record(LinkRow(channel=channel, count=count, balanced=count.unexplained == 0), log_ns)
+            self.record(
+                LinkRow(channel=channel, count=count, balanced=count.unexplained == 0), log_ns
+            )
         self._log.close(stop)
 
 

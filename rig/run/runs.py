@@ -19,7 +19,9 @@ def new_folder(runs: Path, name: str, mode: str, now: datetime) -> Path:
     try:
         folder.mkdir(parents=True)
     except OSError as error:
-        raise Refused(f"cannot make the run folder {folder}: {error.strerror}; name another one with --runs") from error
+        raise Refused(
+            f"cannot make the run folder {folder}: {error.strerror}; name another one with --runs"
+        ) from error
     return folder
 
 

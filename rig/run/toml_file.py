@@ -38,7 +38,9 @@ def read_text(path: Path, what: str) -> str:
     try:
         return path.read_text(errors="replace")
     except OSError as error:
-        raise ConfigError(f"{what} '{path}' cannot be read: {error.strerror}; check the file and its permissions") from None
+        raise ConfigError(
+            f"{what} '{path}' cannot be read: {error.strerror}; check the file and its permissions"
+        ) from None
 
 
 def read_toml(path: Path, what: str, next_step: str = "mend that line") -> dict[str, Any]:
@@ -56,7 +58,9 @@ def override(tables: dict[str, Any], text: str) -> None:
     path, equals, value = text.partition("=")
     keys = path.strip().split(".")
     if not equals or not all(keys) or (len(keys) < 2 and isinstance(tables.get(keys[0], {}), dict)):
-        raise ConfigError(f"--set '{text}': must be section.key=value, for example --set move.distance_m=0.1")
+        raise ConfigError(
+            f"--set '{text}': must be section.key=value, for example --set move.distance_m=0.1"
+        )
     table: Any = tables
     for key in keys[:-1]:
         table = _step(table, key, text)
@@ -70,7 +74,9 @@ def override(tables: dict[str, Any], text: str) -> None:
 def _step(table: Any, key: str, text: str) -> Any:
     if isinstance(table, list):
         if not (key.isdigit() and int(key) < len(table)):
-            raise ConfigError(f"--set '{text}': '{key}' of a list of {len(table)}; must be 0 to {len(table) - 1}")
+            raise ConfigError(
+                f"--set '{text}': '{key}' of a list of {len(table)}; must be 0 to {len(table) - 1}"
+            )
         return table[int(key)]
     inner = table.setdefault(key, {})
     if not isinstance(inner, dict | list):
@@ -102,7 +108,9 @@ def _explain(message: str, data: Any, kind: type, section: str) -> str:
     inner = keys[len(section.split(".")) if section else 0 :]
     value = _value_at(data, inner)
     if isinstance(value, dict) and not what.startswith("Expected"):
-        return f"[{'.'.join(keys)}] {what}".removeprefix("[] ")  # of a whole table, by the one who builds it
+        return f"[{'.'.join(keys)}] {what}".removeprefix(
+            "[] "
+        )  # of a whole table, by the one who builds it
     if "enum" in what:
         allowed = get_args(_struct_at(kind, keys, section))
         what = f"must be one of {', '.join(map(repr, allowed))}{nearest(str(value), allowed)}"

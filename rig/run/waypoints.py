@@ -47,15 +47,23 @@ def read_waypoints(path: Path) -> Waypoints:
     rows = list(csv.reader(text[k] for k in kept))
     if len(rows) < 3:
         count = max(0, len(rows) - 1)
-        raise ConfigError(f"waypoints '{path}': {count} points; must be >= 2 below a header line {','.join(COLUMNS)}")
+        raise ConfigError(
+            f"waypoints '{path}': {count} points; must be >= 2 below a header line {','.join(COLUMNS)}"
+        )
     header = [name.strip() for name in rows[0]]
     for name in header:
         if name not in COLUMNS:
-            raise ConfigError(f"waypoints '{path}': column {name!r}{nearest(name, COLUMNS)}; must be of {', '.join(COLUMNS)}")
+            raise ConfigError(
+                f"waypoints '{path}': column {name!r}{nearest(name, COLUMNS)}; must be of {', '.join(COLUMNS)}"
+            )
     if "x_m" not in header or len(set(header)) < len(header):
-        raise ConfigError(f"waypoints '{path}': columns {', '.join(header)}; must hold x_m, and each at most once")
+        raise ConfigError(
+            f"waypoints '{path}': columns {', '.join(header)}; must hold x_m, and each at most once"
+        )
     lines = [k + 1 for k in kept[1:]]
-    table = np.array([_numbers(path, header, row, line) for row, line in zip(rows[1:], lines, strict=True)])
+    table = np.array(
+        [_numbers(path, header, row, line) for row, line in zip(rows[1:], lines, strict=True)]
+    )
     columns = dict(zip(header, table.T, strict=True))
     if TIME in columns:
         _check_times(path, columns[TIME], lines)
@@ -98,8 +106,12 @@ def plan_through(experiment: Experiment, waypoints: Waypoints, model: Model) -> 
     )
     motion = Motion(x, y, z)
     speed, acceleration = (_peak(motion, order) for order in (1, 2))
-    metrics = replace(measure(problem, x), peak_speed_m_s=speed, peak_acceleration_m_s2=acceleration)
-    return Plan(planner=move.spline, problem=problem, motion=motion, metrics=metrics, compute_s=None)
+    metrics = replace(
+        measure(problem, x), peak_speed_m_s=speed, peak_acceleration_m_s2=acceleration
+    )
+    return Plan(
+        planner=move.spline, problem=problem, motion=motion, metrics=metrics, compute_s=None
+    )
 
 
 def _peak(motion: Motion, order: int) -> float:
@@ -117,7 +129,9 @@ def _axis(spline: str, times_s: FloatArray, points_m: FloatArray) -> Trajectory:
 
 def _numbers(path: Path, header: list[str], row: list[str], line: int) -> list[float]:
     if len(row) != len(header):
-        raise ConfigError(f"waypoints '{path}', line {line}: {len(row)} entries; must be {len(header)}, as in the header")
+        raise ConfigError(
+            f"waypoints '{path}', line {line}: {len(row)} entries; must be {len(header)}, as in the header"
+        )
     out = []
     for name, word in zip(header, row, strict=True):
         try:
@@ -125,6 +139,8 @@ def _numbers(path: Path, header: list[str], row: list[str], line: int) -> list[f
         except ValueError:
             value = math.nan
         if not math.isfinite(value):
-            raise ConfigError(f"waypoints '{path}', line {line}, {name}: {word.strip()!r}; must be a finite number")
+            raise ConfigError(
+                f"waypoints '{path}', line {line}, {name}: {word.strip()!r}; must be a finite number"
+            )
         out.append(value)
     return out

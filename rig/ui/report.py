@@ -59,11 +59,20 @@ def _head(s: Summary) -> str:
 
 
 def _quantities(s: Summary, twin: Summary | None) -> str:
-    heads = ["", "planned", "measured &plusmn; noise", "true", *(["true, without losses"] if twin else [])]
+    heads = [
+        "",
+        "planned",
+        "measured &plusmn; noise",
+        "true",
+        *(["true, without losses"] if twin else []),
+    ]
     rows = []
     for row in QUANTITIES:
         measured = row.with_sigma(getattr(s.measured, row.key), getattr(s.sigma, row.key))
-        true = [row.plain(getattr(run.truth or Quantities(), row.key)) for run in ((s, twin) if twin else (s,))]
+        true = [
+            row.plain(getattr(run.truth or Quantities(), row.key))
+            for run in ((s, twin) if twin else (s,))
+        ]
         rows.append([row.title, row.plain(getattr(s.planned, row.key, None)), measured, *true])
     note = "&plusmn; is one standard deviation of the noise; a camera pitched by a degree reads swings 0.5 % small besides."
     return _table(heads, rows) + f"<p class='note'>{note}</p>"
@@ -87,9 +96,18 @@ def _delays(s: Summary) -> str:
         ["vision latency: instant of the angle to its arrival", _ms(d.vision)],
         ["measured swing behind the truth", _ms(d.alignment)],
         ["end of exposure to angle received, p99", _ms(d.exposure_to_angle_p99)],
-        ["references accepted / more than 30 ms after their target", f"{late.references} / {late.references_late}"],
-        ["reference lateness, p99 / worst", f"{_ms(late.reference_p99_ms)} / {_ms(late.reference_max_ms)}"],
-        ["ticks skipped", html.escape(", ".join(f"{k} {v}" for k, v in sorted(late.late_ticks.items())))],
+        [
+            "references accepted / more than 30 ms after their target",
+            f"{late.references} / {late.references_late}",
+        ],
+        [
+            "reference lateness, p99 / worst",
+            f"{_ms(late.reference_p99_ms)} / {_ms(late.reference_max_ms)}",
+        ],
+        [
+            "ticks skipped",
+            html.escape(", ".join(f"{k} {v}" for k, v in sorted(late.late_ticks.items()))),
+        ],
         ["frames with an angle", f"{s.angles_valid} of {s.frames}"],
         [
             "measured minus true swing, rms in the move / outside",
@@ -102,14 +120,33 @@ def _delays(s: Summary) -> str:
 def _ledger(s: Summary) -> str:
     heads = ["link", "sent", "delivered", "lost", "rejected", "duplicated", "late", "unexplained"]
     rows = [
-        [name, *map(str, (r.sent, r.delivered, r.lost, sum(r.rejected.values()), r.duplicated, r.late, r.unexplained))]
+        [
+            name,
+            *map(
+                str,
+                (
+                    r.sent,
+                    r.delivered,
+                    r.lost,
+                    sum(r.rejected.values()),
+                    r.duplicated,
+                    r.late,
+                    r.unexplained,
+                ),
+            ),
+        ]
         for name, r in s.links.items()
     ]
     return "<h2>Every packet</h2>" + _table(heads, rows)
 
 
 def _events(s: Summary) -> str:
-    return "<h2>Events</h2><pre>" + html.escape("\n".join(s.events)) + (f"\ndigest {s.digest}" if s.digest else "") + "</pre>"
+    return (
+        "<h2>Events</h2><pre>"
+        + html.escape("\n".join(s.events))
+        + (f"\ndigest {s.digest}" if s.digest else "")
+        + "</pre>"
+    )
 
 
 def _ms(value: float | None) -> str:

@@ -15,7 +15,18 @@ from hypothesis import strategies as st
 from comms.channels import CHANNELS, Transport
 from comms.codec import Closing, bounds, decode, encode, encode_closing, length
 from comms.frames import with_pixels
-from comms.messages import AngleSample, Frame, JointState, Message, Phase, Reason, Reference, RobotState, Setpoint, Truth
+from comms.messages import (
+    AngleSample,
+    Frame,
+    JointState,
+    Message,
+    Phase,
+    Reason,
+    Reference,
+    RobotState,
+    Setpoint,
+    Truth,
+)
 from tests.comms.wire_words import HEADER, LENGTH, SESSION, WIRE, channels, messages, words
 
 UNTIMED = settings(deadline=None)  # a busy machine is no failure
@@ -72,7 +83,12 @@ GOLDEN: dict[str, tuple[Message, tuple[Any, ...], str]] = {
         "53570104380000005353454c59415753020000000500000000000000000000000000e03f0000000000000000000000000000f0bf64b7ced5",
     ),
     "joint_state": (
-        JointState(seq=2**32 - 1, t_ns=2**62, position_m=(10.0, -10.0, 0.0), velocity_m_s=(100.0, -100.0, 0.5)),
+        JointState(
+            seq=2**32 - 1,
+            t_ns=2**62,
+            position_m=(10.0, -10.0, 0.0),
+            velocity_m_s=(100.0, -100.0, 0.5),
+        ),
         (10.0, -10.0, 0.0, 100.0, -100.0, 0.5),
         "53570105500000005353454c59415753ffffffff0000000000000040"
         "000000000000244000000000000024c00000000000000000000000000000594000000000000059c0000000000000e03f"
@@ -112,7 +128,12 @@ GOLDEN: dict[str, tuple[Message, tuple[Any, ...], str]] = {
     ),
     "truth": (
         Truth(
-            seq=4, t_ns=8, angle_rad=-0.5, angular_velocity_rad_s=2.0, position_m=(1.0, 2.0, 3.0), velocity_m_s=(4.0, 5.0, 6.0)
+            seq=4,
+            t_ns=8,
+            angle_rad=-0.5,
+            angular_velocity_rad_s=2.0,
+            position_m=(1.0, 2.0, 3.0),
+            velocity_m_s=(4.0, 5.0, 6.0),
         ),
         (-0.5, 2.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0),
         "5357010a600000005353454c59415753040000000800000000000000"
@@ -151,11 +172,24 @@ def test_the_published_bytes_are_read_as_the_message(channel: str) -> None:
 def test_a_closing_datagram_is_a_header_with_a_flag_and_the_count() -> None:
     data = bytes.fromhex(CLOSING)
     assert encode_closing("angle", 500, 7, SESSION) == data
-    assert struct.unpack(HEADER + "I", data) == (b"SW", 1, 9, 32, 1, SESSION, 500, 7, zlib.crc32(data[:-4]))
+    assert struct.unpack(HEADER + "I", data) == (
+        b"SW",
+        1,
+        9,
+        32,
+        1,
+        SESSION,
+        500,
+        7,
+        zlib.crc32(data[:-4]),
+    )
 
 
 @UNTIMED
-@given(channels.flatmap(lambda name: st.tuples(st.just(name), messages(name))), st.integers(0, 2**64 - 1))
+@given(
+    channels.flatmap(lambda name: st.tuples(st.just(name), messages(name))),
+    st.integers(0, 2**64 - 1),
+)
 def test_every_message_survives_the_wire(case: tuple[str, Message], session: int) -> None:
     channel, message = case
     data = encode(channel, message, session)
@@ -182,13 +216,21 @@ def test_every_phase_has_a_code_of_its_own(phase: Phase) -> None:
 
 
 @pytest.mark.parametrize("reason", Reason)
-def test_every_reason_has_a_code_of_its_own_and_an_absent_angle_stays_absent(reason: Reason) -> None:
-    message = msgspec.structs.replace(ANGLE, angle_rad=None, sigma_rad=None, valid=False, reason=reason)
+def test_every_reason_has_a_code_of_its_own_and_an_absent_angle_stays_absent(
+    reason: Reason,
+) -> None:
+    message = msgspec.structs.replace(
+        ANGLE, angle_rad=None, sigma_rad=None, valid=False, reason=reason
+    )
     assert decode("angle", encode("angle", message, SESSION), SESSION) == message
 
 
 def test_the_channels_that_travel_as_datagrams_are_all_covered_here() -> None:
-    rows = {name: (row.id, row.message) for name, row in CHANNELS.items() if row.transport is not Transport.BUS}
+    rows = {
+        name: (row.id, row.message)
+        for name, row in CHANNELS.items()
+        if row.transport is not Transport.BUS
+    }
     assert rows == {name: (number, kind) for name, (number, kind, _, _) in WIRE.items()}
     assert GOLDEN.keys() == WIRE.keys()
 

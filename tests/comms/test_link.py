@@ -21,7 +21,11 @@ SPLITMIX64 = (  # the published sequence for the seed 1234567
     16408922859458223821,
 )
 faults = st.builds(
-    LinkFaults, delay_ms=st.floats(0, 100), jitter_ms=st.floats(0, 100), loss=st.floats(0, 0.95), burst=st.integers(1, 8)
+    LinkFaults,
+    delay_ms=st.floats(0, 100),
+    jitter_ms=st.floats(0, 100),
+    loss=st.floats(0, 0.95),
+    burst=st.integers(1, 8),
 )
 seqs = st.integers(0, 2**32 - 1)
 
@@ -32,7 +36,9 @@ def lost(model: LinkModel, packets: int = PACKETS) -> list[bool]:
 
 
 def test_the_hash_is_splitmix64() -> None:
-    golden_gamma = 0x9E3779B97F4A7C15  # the generator steps its state by this; our hash does so once
+    golden_gamma = (
+        0x9E3779B97F4A7C15  # the generator steps its state by this; our hash does so once
+    )
     states = ((1234567 + k * golden_gamma) % 2**64 for k in range(5))
     assert tuple(link._mix(state) for state in states) == SPLITMIX64
 
@@ -44,12 +50,18 @@ def test_the_fate_of_a_packet_depends_on_seed_channel_and_number_alone(
 ) -> None:
     model = LinkModel(asked, seed, channel_id)
     in_this_order = {seq: model.delay_ns(seq) for seq in order}
-    assert {seq: LinkModel(asked, seed, channel_id).delay_ns(seq) for seq in reversed(order)} == in_this_order
+    assert {
+        seq: LinkModel(asked, seed, channel_id).delay_ns(seq) for seq in reversed(order)
+    } == in_this_order
 
 
 def test_other_seeds_and_other_channels_lose_other_packets() -> None:
     asked = LinkFaults(loss=0.5)
-    patterns = {tuple(lost(LinkModel(asked, seed, channel), 64)) for seed in range(-5, 5) for channel in range(1, 11)}
+    patterns = {
+        tuple(lost(LinkModel(asked, seed, channel), 64))
+        for seed in range(-5, 5)
+        for channel in range(1, 11)
+    }
     assert len(patterns) == 100
 
 
@@ -58,7 +70,9 @@ def test_the_share_of_lost_packets_is_the_one_asked_for(loss: float, burst: int)
     """Packets are kept when none of `burst` coins fell; coins shared over lag k correlate them, the variance is exact."""
     keep = (1 - loss) ** (1 / burst)
     covariances = [keep ** (burst + lag) - (1 - loss) ** 2 for lag in range(burst)]
-    sigma = math.sqrt((covariances[0] + 2 * sum(covariances[1:])) / PACKETS)  # burst = 1: the binomial's
+    sigma = math.sqrt(
+        (covariances[0] + 2 * sum(covariances[1:])) / PACKETS
+    )  # burst = 1: the binomial's
     share = sum(lost(LinkModel(LinkFaults(loss=loss, burst=burst), 7, 3))) / PACKETS
     assert share == pytest.approx(loss, abs=4 * sigma)
 
@@ -68,7 +82,9 @@ def test_losses_come_in_bursts_of_the_length_asked_for(loss: float, burst: int) 
     """A run begins where a coin falls after a kept packet, chance (1 - loss) p; so its mean length is loss / ((1 - loss) p)."""
     p = 1 - (1 - loss) ** (1 / burst)
     fates = lost(LinkModel(LinkFaults(loss=loss, burst=burst), 11, 4))
-    runs = [len(list(run)) for gone, run in itertools.groupby(fates) if gone][1:-1]  # the outer ones may be cut
+    runs = [len(list(run)) for gone, run in itertools.groupby(fates) if gone][
+        1:-1
+    ]  # the outer ones may be cut
     assert min(runs) >= burst
     mean = loss / ((1 - loss) * p)
     sigma = math.sqrt(sum((n - mean) ** 2 for n in runs)) / len(runs)
@@ -77,10 +93,15 @@ def test_losses_come_in_bursts_of_the_length_asked_for(loss: float, burst: int) 
 
 @UNTIMED
 @given(faults, st.integers(0, 2**32), seqs)
-def test_a_packet_is_late_by_the_delay_and_at_most_the_jitter_more(asked: LinkFaults, seed: int, seq: int) -> None:
+def test_a_packet_is_late_by_the_delay_and_at_most_the_jitter_more(
+    asked: LinkFaults, seed: int, seq: int
+) -> None:
     delay_ns = LinkModel(asked, seed, 5).delay_ns(seq)
     if delay_ns is not None:
-        low, high = round(asked.delay_ms * MS), round(asked.delay_ms * MS) + round(asked.jitter_ms * MS)
+        low, high = (
+            round(asked.delay_ms * MS),
+            round(asked.delay_ms * MS) + round(asked.jitter_ms * MS),
+        )
         assert low <= delay_ns <= high
 
 
@@ -127,10 +148,17 @@ def test_numbers_in_order_are_all_taken_however_far_apart(numbers: set[int]) -> 
 
 def test_a_number_from_the_far_past_is_old_and_so_is_its_copy() -> None:
     window = SequenceWindow()
-    assert [window.verdict(seq) for seq in (2**32 - 1, 0, 0, 2**32 - 1)] == [None, "old", "old", "duplicate"]
+    assert [window.verdict(seq) for seq in (2**32 - 1, 0, 0, 2**32 - 1)] == [
+        None,
+        "old",
+        "old",
+        "duplicate",
+    ]
 
 
-fates = st.sampled_from(["delivered", "late", "copied", "crc", "old", "lost_link", "lost_queue", "lost_kernel"])
+fates = st.sampled_from(
+    ["delivered", "late", "copied", "crc", "old", "lost_link", "lost_queue", "lost_kernel"]
+)
 
 
 @UNTIMED
@@ -153,12 +181,16 @@ def test_the_ledger_balances_whatever_became_of_the_packets(packets: list[str]) 
     assert row.lost == sum(fate.startswith("lost") for fate in packets)
     assert row.sent == len(packets)
     assert (row.late, row.duplicated) == (packets.count("late"), packets.count("copied"))
-    assert row.rejected == {reason: packets.count(reason) for reason in ("crc", "old") if reason in packets}
+    assert row.rejected == {
+        reason: packets.count(reason) for reason in ("crc", "old") if reason in packets
+    }
 
 
 @UNTIMED
 @given(st.integers(0, 50), st.integers(1, 5))
-def test_packets_of_strangers_are_counted_and_do_not_unbalance_the_ledger(sent: int, foreign: int) -> None:
+def test_packets_of_strangers_are_counted_and_do_not_unbalance_the_ledger(
+    sent: int, foreign: int
+) -> None:
     receiver = LinkCount(delivered=sent, rejected={"session": foreign})
     row = settle(LinkCount(sent=sent), receiver)
     assert (row.unexplained, row.rejected) == (0, {"session": foreign})

@@ -28,14 +28,35 @@ PLAN = b"[plan]\ninput = 'zv'\n"
 RECORDS: dict[str, msgspec.Struct] = {
     "/receipts/angle": Receipts(channel="angle", rows=[(0, 5, ""), (0, 6, "duplicate")]),
     "/timing/vision": Timing(task="vision", t_ns=3, late_ticks=1, lateness_ns=[5, 70_000]),
-    "/link/angle": LinkRow(channel="angle", count=LinkCount(sent=3, delivered=2, rejected={"crc": 1}), balanced=True),
+    "/link/angle": LinkRow(
+        channel="angle", count=LinkCount(sent=3, delivered=2, rejected={"crc": 1}), balanced=True
+    ),
     "/frame": FrameStamp(
-        seq=1, t_ns=2, t_exposure_start_ns=3, exposure_ns=4, row_ns=5, camera="c", encoding="mono8", height=6, width=7, crc32=8
+        seq=1,
+        t_ns=2,
+        t_exposure_start_ns=3,
+        exposure_ns=4,
+        row_ns=5,
+        camera="c",
+        encoding="mono8",
+        height=6,
+        width=7,
+        crc32=8,
     ),
     "/events": Event(t_ns=9, level="warning", source="vision", text='a "quoted" word, ±1°'),
-    "/camera/image": CompressedImage(timestamp=Stamp(sec=1, nsec=2), frame_id="c", data=bytes(range(256)), format="jpeg"),
+    "/camera/image": CompressedImage(
+        timestamp=Stamp(sec=1, nsec=2), frame_id="c", data=bytes(range(256)), format="jpeg"
+    ),
 }
-KINDS = (AngleSample, JointState, Reference, RobotState, Setpoint, Truth, *map(type, RECORDS.values()))
+KINDS = (
+    AngleSample,
+    JointState,
+    Reference,
+    RobotState,
+    Setpoint,
+    Truth,
+    *map(type, RECORDS.values()),
+)
 
 
 def setpoint(seq: int) -> Setpoint:
@@ -73,7 +94,9 @@ def test_every_record_is_read_as_it_was_written(tmp_path: Path) -> None:
         log.write(topic, record, publish_ns=100 + k, log_ns=200 + k, seq=k)
     log.close(STOP)
     read = read_log(path)
-    assert {topic: read.read(topic, type(record)) for topic, record in RECORDS.items()} == {t: [r] for t, r in RECORDS.items()}
+    assert {topic: read.read(topic, type(record)) for topic, record in RECORDS.items()} == {
+        t: [r] for t, r in RECORDS.items()
+    }
     stamps = [(entry.publish_ns, entry.log_ns) for topic in RECORDS for entry in read.topics[topic]]
     assert stamps == [(100 + k, 200 + k) for k in range(len(RECORDS))]
     assert (read.complete, read.damage) == (True, "")
@@ -86,7 +109,12 @@ def test_messages_of_the_wire_are_read_as_they_were_written(
 ) -> None:
     path = tmp_path_factory.getbasetemp() / "any.mcap"
     log = LogWriter(path, {})
-    for topic, message in (("/angle", angle), ("/truth", truth), ("/platform", state), ("/robot_state", state)):
+    for topic, message in (
+        ("/angle", angle),
+        ("/truth", truth),
+        ("/platform", state),
+        ("/robot_state", state),
+    ):
         log.write(topic, message, message.t_ns, message.t_ns, message.seq)
     log.close({})
     read = read_log(path)
@@ -101,19 +129,32 @@ def test_messages_of_a_topic_keep_their_order_over_chunks(small: bytes, tmp_path
     assert log.attachments == {"plan.toml": PLAN}
 
 
-def test_another_reader_finds_topics_schemas_stamps_and_attachments(small: bytes, tmp_path: Path) -> None:
+def test_another_reader_finds_topics_schemas_stamps_and_attachments(
+    small: bytes, tmp_path: Path
+) -> None:
     path = tmp_path / "run.mcap"
     path.write_bytes(small)
     with path.open("rb") as stream:
         reader = make_reader(stream, validate_crcs=True)
-        found = [(s.name, c.topic, m.publish_time, m.log_time, m.sequence) for s, c, m in reader.iter_messages() if s]
-        assert found[:4] == [("swayless.Setpoint", "/setpoint", 10 * k, 10 * k + 3, k) for k in range(4)]
+        found = [
+            (s.name, c.topic, m.publish_time, m.log_time, m.sequence)
+            for s, c, m in reader.iter_messages()
+            if s
+        ]
+        assert found[:4] == [
+            ("swayless.Setpoint", "/setpoint", 10 * k, 10 * k + 3, k) for k in range(4)
+        ]
         assert found[4:] == [("swayless.Event", "/events", 9, 50, 0)]
         _, channel, message = next(iter(reader.iter_messages(topics=["/events"])))
         assert channel.message_encoding == "json"
         assert json.loads(message.data) == msgspec.to_builtins(RECORDS["/events"])
-        assert [(a.name, a.media_type, a.data) for a in reader.iter_attachments()] == [("plan.toml", "application/toml", PLAN)]
-        assert [(m.name, m.metadata) for m in reader.iter_metadata()] == [("run.start", START), ("run.stop", STOP)]
+        assert [(a.name, a.media_type, a.data) for a in reader.iter_attachments()] == [
+            ("plan.toml", "application/toml", PLAN)
+        ]
+        assert [(m.name, m.metadata) for m in reader.iter_metadata()] == [
+            ("run.start", START),
+            ("run.stop", STOP),
+        ]
 
 
 def test_a_picture_is_base64_under_the_name_that_viewers_know(tmp_path: Path) -> None:
@@ -130,7 +171,9 @@ def test_a_picture_is_base64_under_the_name_that_viewers_know(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_schema_is_an_object_that_names_every_field_and_resolves_every_reference(kind: type) -> None:
+def test_a_schema_is_an_object_that_names_every_field_and_resolves_every_reference(
+    kind: type,
+) -> None:
     schema = json.loads(json_schema(kind))
     assert schema["type"] == "object"
     assert list(schema["properties"]) == [field.name for field in msgspec.structs.fields(kind)]
@@ -147,11 +190,16 @@ def references(node: Any) -> list[str]:
     return []
 
 
-def test_start_is_the_first_record_and_stop_the_last_of_the_data(small: bytes, tmp_path: Path) -> None:
+def test_start_is_the_first_record_and_stop_the_last_of_the_data(
+    small: bytes, tmp_path: Path
+) -> None:
     path = tmp_path / "run.mcap"
     path.write_bytes(small)
     with path.open("rb") as stream:
-        kinds = [type(r).__name__ + (f" {r.name}" if isinstance(r, Metadata) else "") for r in StreamReader(stream).records]
+        kinds = [
+            type(r).__name__ + (f" {r.name}" if isinstance(r, Metadata) else "")
+            for r in StreamReader(stream).records
+        ]
     assert kinds[:2] == ["Header", "Metadata run.start"]
     assert kinds[kinds.index("DataEnd") - 1] == "Metadata run.stop"
     assert list(read_log(path).metadata) == ["run.start", "run.stop"]
@@ -193,7 +241,9 @@ def read_bytes(data: bytes, folder: Path) -> Log:
         path.unlink()  # a new file is written ten times faster than an old one is cut and written again
 
 
-def test_a_log_cut_anywhere_is_incomplete_or_no_log_and_holds_what_came_before(small: bytes, tmp_path: Path) -> None:
+def test_a_log_cut_anywhere_is_incomplete_or_no_log_and_holds_what_came_before(
+    small: bytes, tmp_path: Path
+) -> None:
     whole, found = read_bytes(small, tmp_path), set[int]()
     for size in range(len(small)):
         try:
@@ -253,7 +303,9 @@ def test_a_changed_word_of_the_metadata_is_noticed(small: bytes, tmp_path: Path)
         (lambda path: path.write_text("t_ns,angle_rad\n0,0.1\n"), "not an MCAP file"),
     ],
 )
-def test_what_is_not_a_log_is_said_so_with_its_path(tmp_path: Path, spoil: Callable[[Path], object], words: str) -> None:
+def test_what_is_not_a_log_is_said_so_with_its_path(
+    tmp_path: Path, spoil: Callable[[Path], object], words: str
+) -> None:
     path = tmp_path / "run.mcap"
     spoil(path)
     with pytest.raises(LogError, match=words) as raised:

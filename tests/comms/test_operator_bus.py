@@ -17,7 +17,9 @@ from comms.udp import free_port, port_is_free
 
 HOST = "127.0.0.1"
 LOOKS, LOOK_MS = 100, 50  # five seconds, far beyond what the loopback needs
-REPLY = Reply(seq=1, t_ns=2, id=3, sender="vision", ok=True, phase=Phase.ARMED, text="armed, 20 °C", exit=None)
+REPLY = Reply(
+    seq=1, t_ns=2, id=3, sender="vision", ok=True, phase=Phase.ARMED, text="armed, 20 °C", exit=None
+)
 RECORDS = (
     Receipts(channel="frame", rows=[(1, 2, "duplicate")]),
     Timing(task="vision", t_ns=1, late_ticks=2, lateness_ns=[3]),
@@ -77,33 +79,49 @@ def ordered(task: TaskBus, count: int) -> list[Command | None]:
     return got
 
 
-def test_orders_and_heartbeats_reach_the_task_they_are_for(operator: OperatorBus, vision: TaskBus) -> None:
+def test_orders_and_heartbeats_reach_the_task_they_are_for(
+    operator: OperatorBus, vision: TaskBus
+) -> None:
     start = Command(seq=1, t_ns=5, id=1, to="vision", verb=Verb.START, t_start_ns=600)
-    operator.send(Command(seq=0, t_ns=5, id=1, to="bench", verb=Verb.START))  # nobody of that name: goes nowhere
+    operator.send(
+        Command(seq=0, t_ns=5, id=1, to="bench", verb=Verb.START)
+    )  # nobody of that name: goes nowhere
     operator.heartbeat("vision")
     operator.send(start)
     assert ordered(vision, 2) == [None, start]
 
 
-def test_a_reply_and_every_kind_of_record_arrive_as_they_were_said(operator: OperatorBus, vision: TaskBus) -> None:
+def test_a_reply_and_every_kind_of_record_arrive_as_they_were_said(
+    operator: OperatorBus, vision: TaskBus
+) -> None:
     vision.reply(REPLY)
     for record in RECORDS:
         vision.record(record)
-    assert heard(operator, 5) == [(b"vision", REPLY), *((b"vision", Record(record)) for record in RECORDS)]
+    assert heard(operator, 5) == [
+        (b"vision", REPLY),
+        *((b"vision", Record(record)) for record in RECORDS),
+    ]
 
 
-def test_taps_arrive_in_order_once_flushed_and_pictures_at_once(operator: OperatorBus, vision: TaskBus) -> None:
+def test_taps_arrive_in_order_once_flushed_and_pictures_at_once(
+    operator: OperatorBus, vision: TaskBus
+) -> None:
     vision.tap("angle", b"\0datagram")
     vision.tap("frame", b"")
     vision.flush_taps()
     vision.flush_taps()  # nothing is left to send
-    assert heard(operator, 2) == [(b"", Tapped("angle", b"\0datagram", None)), (b"", Tapped("frame", b"", None))]
+    assert heard(operator, 2) == [
+        (b"", Tapped("angle", b"\0datagram", None)),
+        (b"", Tapped("frame", b"", None)),
+    ]
     vision.picture("frame", b"head", b"pixels")
     assert heard(operator, 1) == [(b"", Tapped("frame", b"head", b"pixels"))]
     assert (vision.dropped_taps, vision.dropped_pictures) == (0, 0)
 
 
-def test_what_the_operator_cannot_follow_is_dropped_and_counted(context: Context, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_the_operator_cannot_follow_is_dropped_and_counted(
+    context: Context, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("comms.operator_bus.TAP_HIGH_WATER", 5)
     monkeypatch.setattr("comms.operator_bus.LINGER_MS", 0)
     nobody = "tcp://127.0.0.1:9"  # the discard port, where nobody listens
@@ -132,7 +150,9 @@ NOISE = [
 ]
 
 
-def test_what_is_not_said_in_our_words_is_passed_over(context: Context, operator: OperatorBus) -> None:
+def test_what_is_not_said_in_our_words_is_passed_over(
+    context: Context, operator: OperatorBus
+) -> None:
     stranger = context.socket(zmq.DEALER)
     stranger.setsockopt(zmq.IDENTITY, b"stranger")
     stranger.connect(operator.commands)
@@ -143,8 +163,13 @@ def test_what_is_not_said_in_our_words_is_passed_over(context: Context, operator
 
 
 @pytest.mark.parametrize("parts", [[b""], [b"angle"], [b"\xff", b"", b""], [b"nothing", b"", b""]])
-def test_a_tap_that_is_not_one_is_passed_over(context: Context, operator: OperatorBus, parts: list[bytes]) -> None:
-    for address, good in ((operator.taps, [b"angle", b"good"]), (operator.pictures, [b"angle", b"good", b"pixels"])):
+def test_a_tap_that_is_not_one_is_passed_over(
+    context: Context, operator: OperatorBus, parts: list[bytes]
+) -> None:
+    for address, good in (
+        (operator.taps, [b"angle", b"good"]),
+        (operator.pictures, [b"angle", b"good", b"pixels"]),
+    ):
         stranger = context.socket(zmq.PUSH)
         stranger.connect(address)
         stranger.send_multipart(parts)
@@ -156,7 +181,9 @@ def test_a_tap_that_is_not_one_is_passed_over(context: Context, operator: Operat
 
 def test_a_second_terminal_gets_its_answer(operator: OperatorBus) -> None:
     answers: list[str | None] = []
-    terminal = threading.Thread(target=lambda: answers.append(ask(operator.commands, "stop", LOOKS * LOOK_MS)))
+    terminal = threading.Thread(
+        target=lambda: answers.append(ask(operator.commands, "stop", LOOKS * LOOK_MS))
+    )
     terminal.start()
     ((client, request),) = heard(operator, 1)
     assert request == "stop"
@@ -171,7 +198,9 @@ def test_a_question_to_nobody_is_given_up_in_time() -> None:
 
 def test_a_fixed_port_takes_the_two_above_it_too(context: Context) -> None:
     ports = iter(lambda: free_port(HOST, udp=False), None)
-    port = next(port for port in ports if all(port_is_free(HOST, port + k, udp=False) for k in (1, 2)))
+    port = next(
+        port for port in ports if all(port_is_free(HOST, port + k, udp=False) for k in (1, 2))
+    )
     bus = OperatorBus(context, HOST, port)
     assert [bus.commands, bus.taps, bus.pictures] == [f"tcp://{HOST}:{port + k}" for k in range(3)]
     bus.close()

@@ -30,7 +30,15 @@ def picture(seq: int = 0, height: int = 48, width: int = 64) -> Frame:
     """A grey picture of random pixels."""
     pixels = np.random.default_rng(seq).integers(0, 256, (height, width), np.uint8)
     times = {"t_ns": 30, "t_exposure_start_ns": 20, "exposure_ns": 10, "row_ns": 0}
-    return Frame(seq=seq, camera="front", encoding="mono8", height=height, width=width, pixels=pixels, **times)
+    return Frame(
+        seq=seq,
+        camera="front",
+        encoding="mono8",
+        height=height,
+        width=width,
+        pixels=pixels,
+        **times,
+    )
 
 
 def arrivals(receiver: UdpReceiver, last: bytes) -> list[bytes]:
@@ -69,7 +77,9 @@ def test_datagrams_arrive_whole_and_in_order(receiver: UdpReceiver) -> None:
 
 
 @pytest.mark.parametrize("flood", [300, 2000])
-def test_the_kernel_counts_exactly_what_it_dropped_for_want_of_room(flood: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_kernel_counts_exactly_what_it_dropped_for_want_of_room(
+    flood: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(udp, "RECEIVE_BUFFER_BYTES", 16_384)
     receiver = UdpReceiver(HOST, 0, "angle")
     sender = UdpSender(HOST, receiver.port)
@@ -95,7 +105,9 @@ def test_a_pass_takes_a_bounded_number_of_datagrams(receiver: UdpReceiver) -> No
     assert first + arrivals(receiver, sent[-1]) == sent
 
 
-def test_a_datagram_longer_than_any_of_ours_is_cut_and_never_breaks_the_receiver(receiver: UdpReceiver) -> None:
+def test_a_datagram_longer_than_any_of_ours_is_cut_and_never_breaks_the_receiver(
+    receiver: UdpReceiver,
+) -> None:
     sender = UdpSender(HOST, receiver.port)
     sender.send(bytes(20_000))
     sender.send(b"last")
@@ -112,7 +124,9 @@ def test_a_datagram_that_the_system_does_not_take_is_told(receiver: UdpReceiver)
 
 
 def test_a_port_in_use_is_named_with_what_to_do(receiver: UdpReceiver) -> None:
-    with pytest.raises(PortInUse, match=rf"UDP port {receiver.port} on {HOST} .*'platform'.*network\.base_port"):
+    with pytest.raises(
+        PortInUse, match=rf"UDP port {receiver.port} on {HOST} .*'platform'.*network\.base_port"
+    ):
         UdpReceiver(HOST, receiver.port, "platform")
 
 
@@ -133,7 +147,9 @@ def pulled(receiver: FrameReceiver, count: int) -> list[Frame | Closing | Reject
         got += receiver.drain()
         if len(got) >= count:
             break
-        select.select([receiver], [], [], WAIT_S / LOOKS)  # a ZeroMQ descriptor may not tell: look again
+        select.select(
+            [receiver], [], [], WAIT_S / LOOKS
+        )  # a ZeroMQ descriptor may not tell: look again
     assert len(got) == count
     return got
 
@@ -160,7 +176,9 @@ def test_a_picture_cut_out_of_a_larger_one_arrives_with_its_own_pixels(context: 
     receiver = FrameReceiver(context, HOST, port, "frame", SESSION)
     sender = FrameSender(context, HOST, port, "frame", SESSION)
     original = picture(height=20, width=30)
-    strided = msgspec.structs.replace(original, height=10, width=15, pixels=original.pixels[::2, ::2])
+    strided = msgspec.structs.replace(
+        original, height=10, width=15, pixels=original.pixels[::2, ::2]
+    )
     sender.send(strided)
     sender.close(1, 0)
     frame, _ = pulled(receiver, 2)
@@ -225,6 +243,8 @@ def test_a_frame_port_in_use_is_named_with_what_to_do(context: Context) -> None:
     port = free_port(HOST, udp=False)
     receiver = FrameReceiver(context, HOST, port, "frame", SESSION)
     assert not port_is_free(HOST, port, udp=False)
-    with pytest.raises(PortInUse, match=rf"TCP port {port} on {HOST} .*'frame'.*network\.base_port"):
+    with pytest.raises(
+        PortInUse, match=rf"TCP port {port} on {HOST} .*'frame'.*network\.base_port"
+    ):
         FrameReceiver(context, HOST, port, "frame", SESSION)
     receiver.close()

@@ -49,8 +49,18 @@ class Echo:
         """Answer orders by their verb, references by their number; estop is a wish to end with code 4."""
         if isinstance(message, Command):
             text = message.verb.value
-            reply = Reply(seq=0, t_ns=t_ns, id=message.id, sender=self.name, ok=True, phase=Phase.ARMED, text=text)
-            return Step([Send("reply", reply, t_ns)], exit=4 if message.verb is Verb.ESTOP else None)
+            reply = Reply(
+                seq=0,
+                t_ns=t_ns,
+                id=message.id,
+                sender=self.name,
+                ok=True,
+                phase=Phase.ARMED,
+                text=text,
+            )
+            return Step(
+                [Send("reply", reply, t_ns)], exit=4 if message.verb is Verb.ESTOP else None
+            )
         return Step([Send("robot_state", state(message.seq, t_ns), t_ns)])
 
     def on_tick(self, t_ns: int) -> Step:
@@ -72,7 +82,14 @@ class Bench(Echo):
 
     def on_message(self, channel: str, message: Message, t_ns: int) -> Step:
         """The reply of an echo, and the truth."""
-        truth = Truth(seq=0, t_ns=t_ns, angle_rad=0.1, angular_velocity_rad_s=0.0, position_m=ZERO, velocity_m_s=ZERO)
+        truth = Truth(
+            seq=0,
+            t_ns=t_ns,
+            angle_rad=0.1,
+            angular_velocity_rad_s=0.0,
+            position_m=ZERO,
+            velocity_m_s=ZERO,
+        )
         step = super().on_message(channel, message, t_ns)
         return step._replace(sends=[Send("truth", truth, t_ns), *step.sends])
 
@@ -84,7 +101,13 @@ class Bench(Echo):
 def state(seq: int, t_ns: int) -> RobotState:
     """A robot that stands still."""
     return RobotState(
-        seq=seq, t_ns=t_ns, t_actual_ns=t_ns, commanded_m=ZERO, actual_m=ZERO, actual_velocity_m_s=ZERO, phase=Phase.ARMED
+        seq=seq,
+        t_ns=t_ns,
+        t_actual_ns=t_ns,
+        commanded_m=ZERO,
+        actual_m=ZERO,
+        actual_velocity_m_s=ZERO,
+        phase=Phase.ARMED,
     )
 
 
@@ -125,7 +148,9 @@ class Operator:
 
     def order(self, verb: Verb, number: int) -> None:
         """Send a command."""
-        self.bus.send(Command(seq=number, t_ns=self.clock.now_ns(), id=number, to=self.task.name, verb=verb))
+        self.bus.send(
+            Command(seq=number, t_ns=self.clock.now_ns(), id=number, to=self.task.name, verb=verb)
+        )
 
     def hears(self, wanted: type, count: int = 1) -> None:
         """Listen until so many of a kind were said; once the task is there, live."""
@@ -218,7 +243,9 @@ def close_inputs(operator: Operator, references: UdpSender, count: int) -> None:
     joints.close()
 
 
-def test_a_task_is_admitted_ordered_answered_and_leaves_a_balanced_ledger(operator: Operator) -> None:
+def test_a_task_is_admitted_ordered_answered_and_leaves_a_balanced_ledger(
+    operator: Operator,
+) -> None:
     operator.launch()
     operator.hears(Hello)
     assert not operator.task.started  # not before the first heartbeat
@@ -229,7 +256,12 @@ def test_a_task_is_admitted_ordered_answered_and_leaves_a_balanced_ledger(operat
 
     references = UdpSender(HOST, operator.ports["reference"])
     sent = [reference(seq) for seq in range(PACKETS)]
-    for data in (*sent, sent[-1], sent[0][:-1], reference(0)[:-4] + b"\0\0\0\0"):  # a copy, one cut, one with a wrong CRC
+    for data in (
+        *sent,
+        sent[-1],
+        sent[0][:-1],
+        reference(0)[:-4] + b"\0\0\0\0",
+    ):  # a copy, one cut, one with a wrong CRC
         references.send(data)
     operator.hears(Tapped, PACKETS)
     close_inputs(operator, references, PACKETS + 3)
@@ -243,12 +275,19 @@ def test_a_task_is_admitted_ordered_answered_and_leaves_a_balanced_ledger(operat
     rows = operator.rows()
     assert rows.keys() == {"reference", "joint_state", "setpoint", "robot_state", "platform"}
     assert rows["reference"] == LinkCount(
-        delivered=PACKETS, late=rows["reference"].late, duplicated=1, rejected={"length": 1, "crc": 1}
+        delivered=PACKETS,
+        late=rows["reference"].late,
+        duplicated=1,
+        rejected={"length": 1, "crc": 1},
     )
-    assert settle(LinkCount(sent=PACKETS + 1), rows["reference"]).unexplained == 0  # copy and cut one are nobody's
+    assert (
+        settle(LinkCount(sent=PACKETS + 1), rows["reference"]).unexplained == 0
+    )  # copy and cut one are nobody's
     model = LinkModel(LOSSY, 5, 6)
     kept = [seq for seq in range(PACKETS + 1) if model.delay_ns(seq) is not None]
-    assert [message.seq for message in got] == kept  # the last word among them, sent while it stopped
+    assert [
+        message.seq for message in got
+    ] == kept  # the last word among them, sent while it stopped
     assert rows["robot_state"] == LinkCount(sent=PACKETS + 1, lost_link=PACKETS + 1 - len(kept))
     assert closing == Closing(len(kept))
     assert settle(rows["robot_state"], gate.count).unexplained == 0
@@ -268,20 +307,42 @@ def test_every_message_is_tapped_once_and_every_receipt_is_written(operator: Ope
     operator.hears(Farewell, 2)
     assert operator.exit_code() == 0
     operator.hears(Tapped, 3)
-    taps = [decode(tap.channel, tap.data, SESSION) for tap in operator.all(Tapped) if isinstance(tap, Tapped)]
-    assert [tap.seq for tap in taps if isinstance(tap, RobotState)] == [0, 2, PACKETS]  # also those the link then lost
-    rows = [row for word in operator.all(Receipts) if isinstance(word, Receipts) for row in word.rows]
-    assert [(seq, outcome) for seq, _, outcome in rows] == [(0, ""), (2, ""), (1, "old"), (2, "duplicate")]
+    taps = [
+        decode(tap.channel, tap.data, SESSION)
+        for tap in operator.all(Tapped)
+        if isinstance(tap, Tapped)
+    ]
+    assert [tap.seq for tap in taps if isinstance(tap, RobotState)] == [
+        0,
+        2,
+        PACKETS,
+    ]  # also those the link then lost
+    rows = [
+        row for word in operator.all(Receipts) if isinstance(word, Receipts) for row in word.rows
+    ]
+    assert [(seq, outcome) for seq, _, outcome in rows] == [
+        (0, ""),
+        (2, ""),
+        (1, "old"),
+        (2, "duplicate"),
+    ]
 
 
-def test_no_tick_comes_early_and_the_lateness_of_each_is_told(operator: Operator, quick: None) -> None:
+def test_no_tick_comes_early_and_the_lateness_of_each_is_told(
+    operator: Operator, quick: None
+) -> None:
     operator.launch()
     operator.hears(Hello)
     operator.hears(Timing)
     operator.order(Verb.CLOSE, 1)
     operator.hears(Farewell, 2)
     assert operator.exit_code() == 0
-    told = [late for word in operator.all(Timing) if isinstance(word, Timing) for late in word.lateness_ns]
+    told = [
+        late
+        for word in operator.all(Timing)
+        if isinstance(word, Timing)
+        for late in word.lateness_ns
+    ]
     wakes = operator.task.wakes
     assert all(asked_ns <= served_ns for asked_ns, served_ns in wakes)
     assert told == [served_ns - asked_ns for asked_ns, served_ns in wakes]
@@ -321,7 +382,9 @@ def test_a_task_whose_operator_vanishes_stops_and_leaves(operator: Operator, alo
     assert operator.task.stopped
 
 
-def test_a_task_that_no_operator_ever_admits_leaves_without_having_begun(operator: Operator, alone: None) -> None:
+def test_a_task_that_no_operator_ever_admits_leaves_without_having_begun(
+    operator: Operator, alone: None
+) -> None:
     operator.launch()
     assert operator.exit_code() == ORPHANED
     assert not operator.task.started

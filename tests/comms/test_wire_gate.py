@@ -32,7 +32,17 @@ cases = channels.flatmap(lambda name: st.tuples(st.just(name), messages(name)))
 pairs = channels.flatmap(lambda name: st.tuples(st.just(name), messages(name), messages(name)))
 
 BOUND: dict[str, tuple[float, float]] = {
-    **dict.fromkeys(("t_target_ns", "t_actual_ns", "t_valid_ns", "t_exposure_start_ns", "exposure_ns", "row_ns"), (0, 2**62)),
+    **dict.fromkeys(
+        (
+            "t_target_ns",
+            "t_actual_ns",
+            "t_valid_ns",
+            "t_exposure_start_ns",
+            "exposure_ns",
+            "row_ns",
+        ),
+        (0, 2**62),
+    ),
     **dict.fromkeys(("position_m", "commanded_m", "actual_m", "platform_m"), (-10.0, 10.0)),
     **dict.fromkeys(("velocity_m_s", "actual_velocity_m_s"), (-100.0, 100.0)),
     **dict.fromkeys(("angle_rad", "raw_rad", "offset_rad"), (-1.6, 1.6)),
@@ -44,10 +54,22 @@ BOUND: dict[str, tuple[float, float]] = {
     "phase": (0, 4),
     "reason": (0, 8),
 }
-MAY_BE_ABSENT = {"raw_rad", "offset_rad", "platform_m", "residual_px", "pivot_miss_px"}  # whether the sample is valid or not
-VALUES = [(channel, place, name) for channel, row in WIRE.items() for place, name in enumerate(row[3])]
+MAY_BE_ABSENT = {
+    "raw_rad",
+    "offset_rad",
+    "platform_m",
+    "residual_px",
+    "pivot_miss_px",
+}  # whether the sample is valid or not
+VALUES = [
+    (channel, place, name) for channel, row in WIRE.items() for place, name in enumerate(row[3])
+]
 BOUNDED = [value for value in VALUES if value[2] in BOUND and value[0] != "truth"]
-BOUNDED += [("truth", place, name) for place, name in enumerate(WIRE["truth"][3]) if name in ("position_m", "velocity_m_s")]
+BOUNDED += [
+    ("truth", place, name)
+    for place, name in enumerate(WIRE["truth"][3])
+    if name in ("position_m", "velocity_m_s")
+]
 FLOATS = [value for value in BOUNDED if isinstance(BOUND[value[2]][1], float)] + [
     ("truth", 0, "angle_rad"),
     ("truth", 1, "angular_velocity_rad_s"),
@@ -75,7 +97,9 @@ def is_refused(channel: str, original: Message, data: bytes) -> str:
 
 @UNTIMED
 @given(cases, st.sets(st.integers(0, 8 * 32 - 1), min_size=1, max_size=3))
-def test_up_to_three_flipped_bits_are_always_noticed(case: tuple[str, Message], bits: set[int]) -> None:
+def test_up_to_three_flipped_bits_are_always_noticed(
+    case: tuple[str, Message], bits: set[int]
+) -> None:
     channel, message = case
     data = bytearray(encode(channel, message, SESSION))
     for bit in {b * len(data) // 32 for b in bits}:  # anywhere, whatever the length
@@ -89,19 +113,25 @@ def test_a_cut_datagram_is_refused(case: tuple[str, Message], data: st.DataObjec
     channel, message = case
     whole = encode(channel, message, SESSION)
     keep = data.draw(st.integers(0, len(whole) - 1))
-    assert is_refused(channel, message, whole[:keep]) == ("crc" if keep == CLOSING_BYTES else "length")
+    assert is_refused(channel, message, whole[:keep]) == (
+        "crc" if keep == CLOSING_BYTES else "length"
+    )
 
 
 @UNTIMED
 @given(cases, st.binary(min_size=1, max_size=64))
-def test_a_datagram_with_something_behind_it_is_refused(case: tuple[str, Message], tail: bytes) -> None:
+def test_a_datagram_with_something_behind_it_is_refused(
+    case: tuple[str, Message], tail: bytes
+) -> None:
     channel, message = case
     assert is_refused(channel, message, encode(channel, message, SESSION) + tail) == "length"
 
 
 @UNTIMED
 @given(pairs, st.data())
-def test_a_splice_of_two_datagrams_is_refused(pair: tuple[str, Message, Message], data: st.DataObject) -> None:
+def test_a_splice_of_two_datagrams_is_refused(
+    pair: tuple[str, Message, Message], data: st.DataObject
+) -> None:
     channel, first, second = pair
     head, tail = encode(channel, first, SESSION), encode(channel, second, SESSION)
     at = data.draw(st.integers(1, len(head) - 1))
@@ -123,7 +153,9 @@ def test_a_datagram_of_another_channel_is_refused(case: tuple[str, Message], oth
     channel, message = case
     assume(other != channel)
     same_length = LENGTH[other] == LENGTH[channel]
-    assert refusal(Gate(other), encode(channel, message, SESSION)) == ("channel" if same_length else "length")
+    assert refusal(Gate(other), encode(channel, message, SESSION)) == (
+        "channel" if same_length else "length"
+    )
 
 
 def test_a_closing_datagram_of_another_channel_or_session_closes_nothing() -> None:
@@ -145,7 +177,11 @@ def test_garbage_is_refused(channel: str, data: bytes) -> None:
 @given(channels, st.data())
 def test_garbage_of_the_right_length_is_refused(channel: str, data: st.DataObject) -> None:
     size = data.draw(st.sampled_from([LENGTH[channel], CLOSING_BYTES]))
-    assert refusal(Gate(channel), data.draw(st.binary(min_size=size, max_size=size))) in {"magic", "version", "crc"}
+    assert refusal(Gate(channel), data.draw(st.binary(min_size=size, max_size=size))) in {
+        "magic",
+        "version",
+        "crc",
+    }
 
 
 @UNTIMED
@@ -155,7 +191,9 @@ def test_any_payload_behind_a_right_header_is_a_message_within_its_bounds_or_ref
 ) -> None:
     size = LENGTH[channel] - CLOSING_BYTES
     payload = data.draw(st.binary(min_size=size, max_size=size))
-    message, up = Gate(channel).take(datagram(channel, payload, seq=seq, t_ns=t_ns), t_ns=2**62, late_ns=2**62)
+    message, up = Gate(channel).take(
+        datagram(channel, payload, seq=seq, t_ns=t_ns), t_ns=2**62, late_ns=2**62
+    )
     if message is None:
         assert list(up.values()) == [1]
         assert up.keys() <= {"rejected not_finite", "rejected out_of_range"}
@@ -172,20 +210,33 @@ def is_within_its_bounds(message: Message) -> None:
 
 @UNTIMED
 @given(cases, st.binary(min_size=4, max_size=4))
-def test_a_header_with_another_magic_version_length_or_flag_is_refused(case: tuple[str, Message], noise: bytes) -> None:
+def test_a_header_with_another_magic_version_length_or_flag_is_refused(
+    case: tuple[str, Message], noise: bytes
+) -> None:
     channel, message = case
     payload = encode(channel, message, SESSION)[HEADER_BYTES:-CRC_BYTES]
     assume(noise[:2] != b"SW" and noise[2] != 1 and noise[3] not in (0, 1))
     assert is_refused(channel, message, datagram(channel, payload, magic=noise[:2])) == "magic"
     assert is_refused(channel, message, datagram(channel, payload, version=noise[2])) == "version"
-    assert is_refused(channel, message, datagram(channel, payload, flags=noise[3])) == "out_of_range"
-    assert is_refused(channel, message, datagram(channel, payload, flags=1)) == "length"  # closing, with a payload
+    assert (
+        is_refused(channel, message, datagram(channel, payload, flags=noise[3])) == "out_of_range"
+    )
+    assert (
+        is_refused(channel, message, datagram(channel, payload, flags=1)) == "length"
+    )  # closing, with a payload
     assert is_refused(channel, message, datagram(channel, b"")) == "length"  # a message without one
-    assert is_refused(channel, message, datagram(channel, payload, told=LENGTH[channel] + 1 + noise[0])) == "length"
+    assert (
+        is_refused(
+            channel, message, datagram(channel, payload, told=LENGTH[channel] + 1 + noise[0])
+        )
+        == "length"
+    )
 
 
 @pytest.mark.parametrize(("channel", "place", "name"), BOUNDED)
-def test_the_bound_itself_is_taken_and_the_next_value_is_not(channel: str, place: int, name: str) -> None:
+def test_the_bound_itself_is_taken_and_the_next_value_is_not(
+    channel: str, place: int, name: str
+) -> None:
     low, high = BOUND[name]
     whole = isinstance(high, int)
     for bound, outward in ((low, -math.inf), (high, math.inf)):
@@ -197,7 +248,9 @@ def test_the_bound_itself_is_taken_and_the_next_value_is_not(channel: str, place
 
 
 @pytest.mark.parametrize(("channel", "place", "name"), FLOATS)
-def test_an_infinite_value_is_refused_and_a_nan_is_but_an_absent_one(channel: str, place: int, name: str) -> None:
+def test_an_infinite_value_is_refused_and_a_nan_is_but_an_absent_one(
+    channel: str, place: int, name: str
+) -> None:
     for infinite in (math.inf, -math.inf):
         assert refusal(Gate(channel), with_value(channel, place, infinite)) == "not_finite"
     nan = with_value(channel, place, math.nan)
@@ -228,10 +281,18 @@ def setpoint(seq: int, t_ns: int = 0) -> Setpoint:
 
 def test_a_copy_an_overtaken_packet_and_its_copy_have_counters_of_their_own() -> None:
     gate = Gate("setpoint")
-    outcomes = [gate.admit(setpoint(seq), t_ns=t, late_ns=9)[1] for t, seq in enumerate((4, 4, 3, 3, 5))]
+    outcomes = [
+        gate.admit(setpoint(seq), t_ns=t, late_ns=9)[1] for t, seq in enumerate((4, 4, 3, 3, 5))
+    ]
     copy, old = {"duplicated": 1}, {"rejected old": 1}
     assert outcomes == [{"delivered": 1}, copy, old, copy, {"delivered": 1}]
-    assert gate.receipts == [(4, 0, ""), (4, 1, "duplicate"), (3, 2, "old"), (3, 3, "duplicate"), (5, 4, "")]
+    assert gate.receipts == [
+        (4, 0, ""),
+        (4, 1, "duplicate"),
+        (3, 2, "old"),
+        (3, 3, "duplicate"),
+        (5, 4, ""),
+    ]
 
 
 def test_late_is_a_part_of_delivered_and_begins_behind_the_limit() -> None:

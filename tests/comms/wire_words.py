@@ -13,16 +13,41 @@ from hypothesis import strategies as st
 from comms.codec import Closing, Reject, decode
 from comms.ends import admit
 from comms.link import LinkCount, SequenceWindow
-from comms.messages import AngleSample, Frame, JointState, Message, Reference, RobotState, Setpoint, Truth
+from comms.messages import (
+    AngleSample,
+    Frame,
+    JointState,
+    Message,
+    Reference,
+    RobotState,
+    Setpoint,
+    Truth,
+)
 
 SESSION = 0x5357_4159_4C45_5353
 HEADER = "<2sBBHBxQIq"  # magic, version, channel, length, flags, pad, session, seq, t_ns
 HEADER_BYTES, CRC_BYTES = 28, 4
 
 POSITION, VELOCITY = ("position_m",) * 3, ("velocity_m_s",) * 3
-STATE = ("t_actual_ns", *("commanded_m",) * 3, *("actual_m",) * 3, *("actual_velocity_m_s",) * 3, "phase")
+STATE = (
+    "t_actual_ns",
+    *("commanded_m",) * 3,
+    *("actual_m",) * 3,
+    *("actual_velocity_m_s",) * 3,
+    "phase",
+)
 ANGLE = (
-    *("t_valid_ns", "angle_rad", "sigma_rad", "valid", "reason", "raw_rad", "offset_rad", "platform_m", "rows"),
+    *(
+        "t_valid_ns",
+        "angle_rad",
+        "sigma_rad",
+        "valid",
+        "reason",
+        "raw_rad",
+        "offset_rad",
+        "platform_m",
+        "rows",
+    ),
     *("residual_px", "pivot_miss_px", "background", "saturation"),
 )
 PICTURE = ("t_exposure_start_ns", "exposure_ns", "row_ns", "camera", "encoding", "height", "width")
@@ -37,7 +62,9 @@ WIRE: dict[str, tuple[int, type[Message], str, tuple[str, ...]]] = {
     "angle": (9, AngleSample, "qdd?BdddHdddd", ANGLE),
     "truth": (10, Truth, "8d", ("angle_rad", "angular_velocity_rad_s", *POSITION, *VELOCITY)),
 }
-LENGTH = {name: HEADER_BYTES + struct.calcsize("<" + row[2]) + CRC_BYTES for name, row in WIRE.items()}
+LENGTH = {
+    name: HEADER_BYTES + struct.calcsize("<" + row[2]) + CRC_BYTES for name, row in WIRE.items()
+}
 channels = st.sampled_from(tuple(WIRE))
 
 
@@ -55,13 +82,18 @@ def datagram(
 ) -> bytes:
     """A datagram whose CRC fits whatever is in it, and its length too unless another is told."""
     size = told or HEADER_BYTES + len(payload) + CRC_BYTES
-    body = struct.pack(HEADER, magic, version, WIRE[channel][0], size, flags, session, seq, t_ns) + payload
+    body = (
+        struct.pack(HEADER, magic, version, WIRE[channel][0], size, flags, session, seq, t_ns)
+        + payload
+    )
     return body + struct.pack("<I", zlib.crc32(body))
 
 
 def zeros(channel: str) -> list[Any]:
     """Payload of a message whose every value is zero; on every channel that is a message to be believed."""
-    values = struct.unpack("<" + WIRE[channel][2], bytes(LENGTH[channel] - HEADER_BYTES - CRC_BYTES))
+    values = struct.unpack(
+        "<" + WIRE[channel][2], bytes(LENGTH[channel] - HEADER_BYTES - CRC_BYTES)
+    )
     return [name == "valid" or value for name, value in zip(WIRE[channel][3], values, strict=True)]
 
 
@@ -111,7 +143,11 @@ def _values(kind: Any) -> st.SearchStrategy[Any]:
 @st.composite
 def frames(draw: st.DrawFn) -> Frame:
     """A small picture with random pixels, grey or in colour."""
-    height, width, planes = draw(st.integers(1, 12)), draw(st.integers(1, 12)), draw(st.sampled_from([1, 3]))
+    height, width, planes = (
+        draw(st.integers(1, 12)),
+        draw(st.integers(1, 12)),
+        draw(st.sampled_from([1, 3])),
+    )
     shape = (height, width) if planes == 1 else (height, width, 3)
     times = st.integers(0, 2**62)
     return Frame(
@@ -125,14 +161,17 @@ def frames(draw: st.DrawFn) -> Frame:
         height=height,
         width=width,
         pixels=np.frombuffer(
-            draw(st.binary(min_size=height * width * planes, max_size=height * width * planes)), np.uint8
+            draw(st.binary(min_size=height * width * planes, max_size=height * width * planes)),
+            np.uint8,
         ).reshape(shape),
     )
 
 
 def words(message: Message) -> dict[str, Any]:
     """Every field of a message but its pixels, to compare."""
-    return {name: value for name, value in msgspec.structs.asdict(message).items() if name != "pixels"}
+    return {
+        name: value for name, value in msgspec.structs.asdict(message).items() if name != "pixels"
+    }
 
 
 class Gate:
@@ -144,18 +183,28 @@ class Gate:
         self.count = LinkCount()
         self.receipts: list[tuple[int, int, str]] = []
 
-    def take(self, data: bytes, t_ns: int = 0, late_ns: int = 0) -> tuple[Message | None, dict[str, int]]:
+    def take(
+        self, data: bytes, t_ns: int = 0, late_ns: int = 0
+    ) -> tuple[Message | None, dict[str, int]]:
         """Decode and admit one datagram."""
         return self.admit(decode(self._channel, data, SESSION), t_ns, late_ns)
 
-    def admit(self, got: Message | Closing | Reject, t_ns: int = 0, late_ns: int = 0) -> tuple[Message | None, dict[str, int]]:
+    def admit(
+        self, got: Message | Closing | Reject, t_ns: int = 0, late_ns: int = 0
+    ) -> tuple[Message | None, dict[str, int]]:
         """Admit what was decoded."""
         before = _counters(self.count)
         message = admit(got, self._window, self.count, late_ns, t_ns, self.receipts)
         after = _counters(self.count)
-        return message, {name: n - before.get(name, 0) for name, n in after.items() if n != before.get(name, 0)}
+        return message, {
+            name: n - before.get(name, 0) for name, n in after.items() if n != before.get(name, 0)
+        }
 
 
 def _counters(count: LinkCount) -> dict[str, int]:
-    plain = {name: value for name, value in msgspec.structs.asdict(count).items() if isinstance(value, int)}
+    plain = {
+        name: value
+        for name, value in msgspec.structs.asdict(count).items()
+        if isinstance(value, int)
+    }
     return plain | {f"rejected {reason}": n for reason, n in count.rejected.items()}

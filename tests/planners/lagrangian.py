@@ -87,7 +87,11 @@ class CartAndChain:
         """Kinetic, gravitational and in the springs."""
         m, places = self.points(q)
         across = q[2:] if self.relative else np.diff(q[1:])
-        return 0.5 * qd @ self.mass(q) @ qd + self.gravity * m @ places[:, 1] + 0.5 * np.array(self.springs) @ across**2
+        return (
+            0.5 * qd @ self.mass(q) @ qd
+            + self.gravity * m @ places[:, 1]
+            + 0.5 * np.array(self.springs) @ across**2
+        )
 
     def play(self, trajectory, start=None, steps=()):
         """Largest |angle| and [angles, rates] at the end, by scipy; steps (before, after) are speeds outside the move."""
@@ -100,13 +104,18 @@ class CartAndChain:
 
             def rates(t, x, piece=piece, begin=begin):
                 q, qd = np.append(0.0, x[:n]), np.append(0.0, x[n:])
-                return np.append(x[n:], self.driven(q, qd, float(piece.at(np.asarray(t - begin), 2))))
+                return np.append(
+                    x[n:], self.driven(q, qd, float(piece.at(np.asarray(t - begin), 2)))
+                )
 
             turns = [lambda t, x, i=i: x[n + i] for i in range(n)]
             span = (begin, begin + piece.duration_s)
             out = solve_ivp(rates, span, x, "DOP853", rtol=1e-10, atol=1e-12, events=turns)
             x, speed = out.y[:, -1], float(piece.at(np.asarray(piece.duration_s), 1))
-            extremes = [np.abs(y.reshape(-1, 2 * n)[:, i]).max(initial=0.0) for i, y in enumerate(out.y_events)]
+            extremes = [
+                np.abs(y.reshape(-1, 2 * n)[:, i]).max(initial=0.0)
+                for i, y in enumerate(out.y_events)
+            ]
             peak = max(peak, np.abs(x[:n]).max(), *extremes)
         return peak, self._kicked(x, after - speed)
 

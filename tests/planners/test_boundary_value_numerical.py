@@ -21,7 +21,14 @@ from planners.boundary_value.convolution import plan_convolution
 from planners.boundary_value.finite_differences import plan_finite_differences, solve_trapezoidal
 from planners.boundary_value.linear import linear_problem
 from planners.boundary_value.matrix_exponential import plan_matrix_exponential
-from planners.boundary_value.nodes import Budget, Nodes, checked_trajectory, graded_grid, input_from_costates, through_nodes
+from planners.boundary_value.nodes import (
+    Budget,
+    Nodes,
+    checked_trajectory,
+    graded_grid,
+    input_from_costates,
+    through_nodes,
+)
 from planners.boundary_value.nonlinear import TruePendulum
 from planners.boundary_value.shooting import plan_shooting
 from planners.errors import NotConverged, PlanError
@@ -32,10 +39,16 @@ from planners.trajectories.cells import resolve
 
 METRE = PendulumModel(length_m=1.0)
 BARS = ChainModel(  # source 004, chapter 4
-    links=(Link(0.5, 3.375), Link(0.5, 3.375)), stiffness_n_m_rad=(10.0,), joint_damping_n_m_s_rad=(2.214e-4,)
+    links=(Link(0.5, 3.375), Link(0.5, 3.375)),
+    stiffness_n_m_rad=(10.0,),
+    joint_damping_n_m_s_rad=(2.214e-4,),
 )
 TWENTY = ChainModel(links=tuple(Link(0.5, 1.0) for _ in range(20)))
-PLANNERS = {"collocation": plan_collocation, "finite_differences": plan_finite_differences, "shooting": plan_shooting}
+PLANNERS = {
+    "collocation": plan_collocation,
+    "finite_differences": plan_finite_differences,
+    "shooting": plan_shooting,
+}
 ONE_LENGTH, TWO_LENGTHS = ("length",), ("length_2",)
 TABLE = [  # model, input, robust, times: every problem of source 004's tables
     (METRE, "acceleration", (), (2.0, 1.5, 1.1, 0.75, 0.5)),
@@ -49,12 +62,25 @@ TABLE = [  # model, input, robust, times: every problem of source 004's tables
     (BARS, "jerk", (), (2.0, 1.5)),
     (BARS, "jerk", TWO_LENGTHS, (2.0, 1.5)),
 ]
-CASES = [(model, input, robust, time_s) for model, input, robust, times in TABLE for time_s in times]
-SLOWEST = [case for case in CASES if case[0] is BARS and case[2] and case[3] > 1.5]  # half a second each by collocation
+CASES = [
+    (model, input, robust, time_s) for model, input, robust, times in TABLE for time_s in times
+]
+SLOWEST = [
+    case for case in CASES if case[0] is BARS and case[2] and case[3] > 1.5
+]  # half a second each by collocation
 
 
 def problem_of(model=METRE, input="acceleration", robust=(), time_s=1.5, **more):
-    return Problem(**{"distance_m": 0.2, "time_s": time_s, "model": model, "input": input, "robust": robust, **more})
+    return Problem(
+        **{
+            "distance_m": 0.2,
+            "time_s": time_s,
+            "model": model,
+            "input": input,
+            "robust": robust,
+            **more,
+        }
+    )
 
 
 def apart(a, b, order=2):
@@ -108,7 +134,9 @@ def test_shooting_through_a_slow_filter_hits():
 
 @pytest.mark.parametrize("case", [case for case in CASES if case[1] != "jerk"], ids=label)
 def test_the_raw_trapezoid_is_near_with_200_intervals(case):
-    bound = 2e-3 if case[0] is METRE else 1e-2  # the second mode of two links turns 0.2 rad an interval
+    bound = (
+        2e-3 if case[0] is METRE else 1e-2
+    )  # the second mode of two links turns 0.2 rad an interval
     nodes = solve_trapezoidal(linear_problem(problem_of(*case)))
     if case[1] == "acceleration":
         truth = exact(case).at(nodes.t_s, 2)
@@ -118,9 +146,16 @@ def test_the_raw_trapezoid_is_near_with_200_intervals(case):
 
 @pytest.mark.parametrize(
     ("robust", "time_s", "peak_m_s2"),
-    [((), 2.0, 0.708199), ((), 1.5, 2.39818), (ONE_LENGTH, 2.0, 6.17524), (ONE_LENGTH, 1.5, 35.206)],
+    [
+        ((), 2.0, 0.708199),
+        ((), 1.5, 2.39818),
+        (ONE_LENGTH, 2.0, 6.17524),
+        (ONE_LENGTH, 1.5, 35.206),
+    ],
 )
-def test_the_raw_trapezoid_has_the_published_discretisation_of_the_jerk_model(robust, time_s, peak_m_s2):
+def test_the_raw_trapezoid_has_the_published_discretisation_of_the_jerk_model(
+    robust, time_s, peak_m_s2
+):
     """Source 004, tables 3.8 as recomputed with its N = 200: the exact peaks lie 2 % away."""
     nodes = solve_trapezoidal(linear_problem(problem_of(METRE, "jerk", robust, time_s)), 200)
     assert nodes.states[:, 4].max() == pytest.approx(peak_m_s2, rel=1e-5)
@@ -135,7 +170,9 @@ def test_the_trapezoid_is_of_second_order(case):
 
 
 def test_the_trapezoid_keeps_its_scheme_its_ends_and_its_input():
-    linear = linear_problem(problem_of(METRE, "force", start_m=0.3, start_state={"angle_rad": 0.02}))
+    linear = linear_problem(
+        problem_of(METRE, "force", start_m=0.3, start_state={"angle_rad": 0.02})
+    )
     nodes = solve_trapezoidal(linear, 150)
     assert nodes.t_s.shape == nodes.input.shape == (151,)
     np.testing.assert_allclose(nodes.states[[0, -1]], [linear.start, linear.goal], atol=1e-12)
@@ -166,8 +203,19 @@ def test_weights_on_the_states_agree_with_the_matrix_exponential(planner):
 
 
 def test_a_long_horizon_with_weights_is_the_regulator_of_riccati():
-    weights = {"position_m": 4.0, "speed_m_s": 1.0, "angle_rad": 20.0, "angular_velocity_rad_s": 3.0}
-    problem = problem_of(time_s=20.0, distance_m=0.3, start_m=-0.3, state_weights=weights, start_state={"angle_rad": 0.1})
+    weights = {
+        "position_m": 4.0,
+        "speed_m_s": 1.0,
+        "angle_rad": 20.0,
+        "angular_velocity_rad_s": 3.0,
+    }
+    problem = problem_of(
+        time_s=20.0,
+        distance_m=0.3,
+        start_m=-0.3,
+        state_weights=weights,
+        start_state={"angle_rad": 0.1},
+    )
     linear = linear_problem(problem)
     gain = solve_continuous_are(linear.a, linear.b[:, None], linear.q, [[linear.r]])
     coarse, fine = (solve_trapezoidal(linear, n).costates[0] for n in (4000, 8000))
@@ -175,17 +223,27 @@ def test_a_long_horizon_with_weights_is_the_regulator_of_riccati():
 
 
 def test_a_cheap_input_makes_steep_ends_that_the_grid_follows():
-    problem = problem_of(state_weights={"angle_rad": 1e3, "position_m": 1e3, "speed_m_s": 1e2}, input_weight=0.01, start_m=0.2)
+    problem = problem_of(
+        state_weights={"angle_rad": 1e3, "position_m": 1e3, "speed_m_s": 1e2},
+        input_weight=0.01,
+        start_m=0.2,
+    )
     made = plan_finite_differences(problem)
     assert apart(made, plan_collocation(problem)) < 1e-6
     assert apart(made, plan_matrix_exponential(problem)) < 1e-6
-    assert np.abs(np.diff(graded_grid(conditions(problem)))).min() < 1.5 / 400  # twice as fine as equal intervals
+    assert (
+        np.abs(np.diff(graded_grid(conditions(problem)))).min() < 1.5 / 400
+    )  # twice as fine as equal intervals
     with pytest.raises(NotConverged, match="amplifies rounding"):
         plan_shooting(problem)
 
 
 @settings(max_examples=6)
-@given(distance=st.floats(0.05, 3.0), angle=st.floats(-0.2, 0.2), factor=st.floats(-4.0, 4.0).filter(lambda x: abs(x) > 0.1))
+@given(
+    distance=st.floats(0.05, 3.0),
+    angle=st.floats(-0.2, 0.2),
+    factor=st.floats(-4.0, 4.0).filter(lambda x: abs(x) > 0.1),
+)
 def test_moves_and_swings_superpose_and_scale(distance, angle, factor):
     swing = {"angle_rad": angle}
     both = plan_finite_differences(problem_of(distance_m=distance, start_state=swing))
@@ -193,7 +251,11 @@ def test_moves_and_swings_superpose_and_scale(distance, angle, factor):
     stop = plan_finite_differences(problem_of(distance_m=0.0, start_state=swing))
     t = np.linspace(0.0, 1.5, 301)
     scale = move.peak(2).value + stop.peak(2).value
-    np.testing.assert_allclose(both.at(t, 2), move.at(t, 2) / factor + stop.at(t, 2), atol=1e-7 * scale * (1 + 1 / abs(factor)))
+    np.testing.assert_allclose(
+        both.at(t, 2),
+        move.at(t, 2) / factor + stop.at(t, 2),
+        atol=1e-7 * scale * (1 + 1 / abs(factor)),
+    )
 
 
 @pytest.mark.parametrize("planner", PLANNERS)
@@ -249,7 +311,10 @@ def test_the_true_pendulum_through_a_filter_is_planned_twice_the_same():
 
 def test_a_single_bar_is_the_pendulum_of_two_thirds_its_length():
     bar = ChainModel(links=(Link(0.9, 2.0),))
-    a, b = (plan_finite_differences(problem_of(m, nonlinear=True)) for m in (bar, PendulumModel(length_m=0.6)))
+    a, b = (
+        plan_finite_differences(problem_of(m, nonlinear=True))
+        for m in (bar, PendulumModel(length_m=0.6))
+    )
     assert apart(a, b) < 1e-7
 
 
@@ -270,7 +335,9 @@ def test_shooting_the_true_pendulum_below_half_a_period_is_refused(time_s):
 def test_a_move_that_throws_the_load_round_is_refused():
     words = ("collocation: .*nodes; must be", "Newton's step", "misses the goal")
     for planner, word in zip(PLANNERS.values(), words, strict=True):
-        with pytest.raises(NotConverged, match=f"{word}.*give the move more time, or less distance"):
+        with pytest.raises(
+            NotConverged, match=f"{word}.*give the move more time, or less distance"
+        ):
             planner(problem_of(time_s=0.3, nonlinear=True))
 
 
@@ -290,7 +357,8 @@ def test_no_refusal_sends_the_reader_to_another_solver_of_its_kind(name, nonline
 def test_no_refusal_of_the_true_pendulum_names_a_solver_of_the_linear_one():
     for time_s in (0.0201, 0.3, 0.6):
         with pytest.raises(
-            NotConverged, match=r"give the move more time, or less distance and swing, or try finite_differences$"
+            NotConverged,
+            match=r"give the move more time, or less distance and swing, or try finite_differences$",
         ):
             plan_shooting(problem_of(time_s=time_s, nonlinear=True))
 
@@ -343,7 +411,9 @@ def test_quintics_through_nodes_meet_all_three_derivatives():
         np.testing.assert_allclose(path.at(t[1:] - 1e-12, order), values[order, 1:], atol=1e-4)
     exact_t = np.linspace(0.0, 2.0, 30)
     smooth = through_nodes(exact_t, exact_t**5, 5 * exact_t**4, 20 * exact_t**3)
-    np.testing.assert_allclose(smooth.at(np.linspace(0, 2, 99), 2), 20 * np.linspace(0, 2, 99) ** 3, atol=1e-9)
+    np.testing.assert_allclose(
+        smooth.at(np.linspace(0, 2, 99), 2), 20 * np.linspace(0, 2, 99) ** 3, atol=1e-9
+    )
 
 
 @pytest.mark.parametrize("order", [0, 1, 2, 3])
@@ -352,16 +422,27 @@ def test_a_trajectory_of_many_quintics_is_summed_up_as_each_by_itself(order):
     t = np.cumsum(np.append(0.0, rng.uniform(0.01, 0.2, 60)))
     path = through_nodes(t, *rng.normal(size=(3, 61)))
     cells = [resolve(piece, order) for piece in path.pieces]
-    values = np.concatenate([p.at(c.candidates_s(), order) for p, c in zip(path.pieces, cells, strict=True)])
+    values = np.concatenate(
+        [p.at(c.candidates_s(), order) for p, c in zip(path.pieces, cells, strict=True)]
+    )
     assert path.extent(order) == pytest.approx((values.min(), values.max()), rel=1e-11)
     assert path.peak(order).value == pytest.approx(np.abs(values).max(), rel=1e-11)
-    assert abs(float(path.at(path.peak(order).t_s, order))) == pytest.approx(path.peak(order).value, rel=1e-9)
-    assert path.rms(order) ** 2 * path.duration_s == pytest.approx(sum(c.square_integral() for c in cells), rel=1e-11)
+    assert abs(float(path.at(path.peak(order).t_s, order))) == pytest.approx(
+        path.peak(order).value, rel=1e-9
+    )
+    assert path.rms(order) ** 2 * path.duration_s == pytest.approx(
+        sum(c.square_integral() for c in cells), rel=1e-11
+    )
     times = rng.uniform(-0.5, path.duration_s + 0.5, 300)
     k = np.clip(np.searchsorted(path.breaks_s, times, side="right") - 1, 0, 59)
     inside = (times >= 0) & (times <= path.duration_s)
-    one_by_one = [float(path.pieces[i].at(np.asarray(s - path.breaks_s[i]), order)) for i, s in zip(k, times, strict=True)]
-    np.testing.assert_allclose(path.at(times, order)[inside], np.array(one_by_one)[inside], rtol=1e-12)
+    one_by_one = [
+        float(path.pieces[i].at(np.asarray(s - path.breaks_s[i]), order))
+        for i, s in zip(k, times, strict=True)
+    ]
+    np.testing.assert_allclose(
+        path.at(times, order)[inside], np.array(one_by_one)[inside], rtol=1e-12
+    )
 
 
 def test_the_grid_is_fine_where_the_filter_is_steep_only():
@@ -377,7 +458,9 @@ def test_the_grid_is_fine_where_the_filter_is_steep_only():
 
 
 def test_a_move_too_long_for_nodes_is_refused():
-    with pytest.raises(PlanError, match=r"more than 20000 intervals.*take convolution or matrix_exponential"):
+    with pytest.raises(
+        PlanError, match=r"more than 20000 intervals.*take convolution or matrix_exponential"
+    ):
         plan_finite_differences(problem_of(PendulumModel(length_m=0.1), time_s=400.0))
 
 
@@ -391,7 +474,11 @@ WILD = [  # within every bound of a problem, beyond what a laboratory asks
     {"state_weights": {"angular_velocity_rad_s": 1e12}, "input_weight": 1e-12},
     {"input": "jerk", "lag_s": 1e3},
     {"input": "jerk", "lag_s": 1.5e-5, "nonlinear": True},
-    {"model": PendulumModel(length_m=1e-3, mass_kg=1.0, cart_mass_kg=0.01), "input": "force", "time_s": 0.05},
+    {
+        "model": PendulumModel(length_m=1e-3, mass_kg=1.0, cart_mass_kg=0.01),
+        "input": "force",
+        "time_s": 0.05,
+    },
     {"model": PendulumModel(length_m=1e4), "robust": ONE_LENGTH, "time_s": 5.0},
     {"model": ChainModel(links=(Link(1e3, 1e-6), Link(10.0, 1e9))), "time_s": 3.0},
 ]
@@ -418,7 +505,10 @@ def answer(planner, problem):
 
 def test_a_mode_faster_than_rounding_can_follow_is_refused():
     steep = problem_of(state_weights={"angular_velocity_rad_s": 1e12}, input_weight=1e-12)
-    with pytest.raises(PlanError, match=r"time constants of the fastest motion.*must be <= 1e\+08.*take matrix_exponential"):
+    with pytest.raises(
+        PlanError,
+        match=r"time constants of the fastest motion.*must be <= 1e\+08.*take matrix_exponential",
+    ):
         graded_grid(conditions(steep))
 
 
@@ -426,14 +516,20 @@ def test_a_budget_is_what_may_be_spent_and_not_more():
     work = Budget("digging", 10.0, "take a shovel")
     work.spend(4.0)
     work.spend(6.0)
-    with pytest.raises(NotConverged, match=r"digging asks for 10.5 units of work.*must be <= 10: take a shovel"):
+    with pytest.raises(
+        NotConverged, match=r"digging asks for 10.5 units of work.*must be <= 10: take a shovel"
+    ):
         work.spend(0.5)
 
 
 @pytest.mark.parametrize(
     ("planner", "hopeless", "way_out"),
     [
-        ("shooting", {"distance_m": 100.0, "time_s": 5.0, "nonlinear": True}, "more time.*or try finite_differences"),
+        (
+            "shooting",
+            {"distance_m": 100.0, "time_s": 5.0, "nonlinear": True},
+            "more time.*or try finite_differences",
+        ),
         ("shooting", {"time_s": 500.0}, "take convolution"),
         ("finite_differences", {"model": TWENTY, "time_s": 3.0}, "take convolution"),
         ("collocation", {"model": TWENTY, "time_s": 3.0}, "take convolution"),
@@ -447,11 +543,15 @@ def test_a_hopeless_problem_runs_out_of_work_and_not_of_patience(planner, hopele
 @pytest.mark.parametrize("nonlinear", [False, True])
 def test_a_solution_for_another_load_is_refused_when_played(nonlinear):
     """The same nodes are taken for the load they were made for."""
-    problem, other = problem_of(nonlinear=nonlinear), problem_of(PendulumModel(length_m=1.001), nonlinear=nonlinear)
+    problem, other = (
+        problem_of(nonlinear=nonlinear),
+        problem_of(PendulumModel(length_m=1.001), nonlinear=nonlinear),
+    )
     t_s, z = solved(problem)
     assert checked_trajectory(problem, conditions(problem), t_s, z, "digging").duration_s == 1.5
     with pytest.raises(
-        NotConverged, match=r"digging leaves the load .* rad beside its goal in time_s = 1\.5; must be <= .*e-0"
+        NotConverged,
+        match=r"digging leaves the load .* rad beside its goal in time_s = 1\.5; must be <= .*e-0",
     ):
         checked_trajectory(other, conditions(other), t_s, z, "digging")
 
@@ -466,8 +566,14 @@ def test_a_solution_of_nothing_is_refused_when_played():
 @pytest.mark.parametrize("seed", [0, 2])
 def test_random_chains_of_three_links_agree_with_the_matrix_exponential(seed):
     rng = np.random.default_rng(seed)
-    links = tuple(Link(length, mass) for length, mass in zip(rng.uniform(0.15, 1.0, 3), rng.uniform(0.2, 5.0, 3), strict=True))
-    joints = {"stiffness_n_m_rad": tuple(rng.uniform(0, 20, 2)), "joint_damping_n_m_s_rad": tuple(rng.uniform(0, 0.1, 2))}
+    links = tuple(
+        Link(length, mass)
+        for length, mass in zip(rng.uniform(0.15, 1.0, 3), rng.uniform(0.2, 5.0, 3), strict=True)
+    )
+    joints = {
+        "stiffness_n_m_rad": tuple(rng.uniform(0, 20, 2)),
+        "joint_damping_n_m_s_rad": tuple(rng.uniform(0, 0.1, 2)),
+    }
     input = ("acceleration", "force", "jerk")[seed % 3]
     problem = problem_of(ChainModel(links=links, **joints), input, (), rng.uniform(1.2, 3.0))
     truth = plan_matrix_exponential(problem)
@@ -508,4 +614,6 @@ def played(trajectory, model, start=(0.0, 0.0)):
         return [x[1], -w2 * math.sin(x[0]) - damping * x[1] - push * math.cos(x[0])]
 
     inside = trajectory.duration_s * (1.0 - 1e-12)  # at the end itself a trajectory stands
-    return solve_ivp(rates, (0.0, inside), start, "DOP853", rtol=1e-9, atol=1e-11, max_step=inside / 50).y[:, -1]
+    return solve_ivp(
+        rates, (0.0, inside), start, "DOP853", rtol=1e-9, atol=1e-11, max_step=inside / 50
+    ).y[:, -1]

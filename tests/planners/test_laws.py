@@ -56,7 +56,11 @@ def test_coefficients_are_the_corrected_ones(row):
 @every_row
 def test_published_coefficients_stand_except_where_an_erratum_says_why(row):
     mine = coefficients(row["law"])
-    wrong = [c for c, printed in zip(COLUMNS, row["published"], strict=True) if abs(getattr(mine, c) - printed) > 5.00001e-5]
+    wrong = [
+        c
+        for c, printed in zip(COLUMNS, row["published"], strict=True)
+        if abs(getattr(mine, c) - printed) > 5.00001e-5
+    ]
     assert wrong == row["wrong"]
     assert bool(row["reason"]) == bool(wrong)
 
@@ -74,7 +78,13 @@ def test_peaks_and_rms_are_those_of_quadrature_and_dense_sampling(name):
 def square_integral(law, order):
     """By adaptive quadrature, piece by piece."""
     return sum(
-        quad(lambda t: float(piece.at(np.array(t), order)) ** 2, 0.0, piece.duration_s, epsabs=1e-13, epsrel=1e-12)[0]  # noqa: B023
+        quad(
+            lambda t: float(piece.at(np.array(t), order)) ** 2,
+            0.0,
+            piece.duration_s,
+            epsabs=1e-13,
+            epsrel=1e-12,
+        )[0]  # noqa: B023
         for piece in law.pieces
     )
 
@@ -131,15 +141,21 @@ def test_minimum_times_are_the_published_ones(name):
     d = DATA["kinematic_scaling"]
     by_speed = minimum_time_s(name, d["distance"], speed_m_s=d["speed"])
     by_acceleration = minimum_time_s(name, -d["distance"], acceleration_m_s2=d["acceleration"])
-    both = minimum_time_s(name, d["distance"], speed_m_s=d["speed"], acceleration_m_s2=d["acceleration"])
+    both = minimum_time_s(
+        name, d["distance"], speed_m_s=d["speed"], acceleration_m_s2=d["acceleration"]
+    )
     np.testing.assert_allclose([by_speed, by_acceleration, both], d[name], atol=5e-4)
 
 
 def test_minimum_times_beyond_the_source():
     d = DATA["kinematic_scaling"]
     limits = {"speed_m_s": d["speed"], "acceleration_m_s2": d["acceleration"]}
-    assert minimum_time_s("septic", d["distance"], **limits) == pytest.approx(d["septic_minimum"], abs=1e-7)
-    assert minimum_time_s("triangular", d["distance"], **limits) == pytest.approx(d["triangular_minimum"], abs=1e-7)
+    assert minimum_time_s("septic", d["distance"], **limits) == pytest.approx(
+        d["septic_minimum"], abs=1e-7
+    )
+    assert minimum_time_s("triangular", d["distance"], **limits) == pytest.approx(
+        d["triangular_minimum"], abs=1e-7
+    )
     fastest = trapezoidal_within(d["distance"], d["speed"], d["acceleration"])
     assert fastest.duration_s == pytest.approx(d["trapezoidal_within_limits"], abs=1e-7)
     assert minimum_time_s("septic", 0.0, **limits) == 0.0
@@ -147,7 +163,9 @@ def test_minimum_times_beyond_the_source():
 
 @every_law
 def test_at_the_minimum_time_one_limit_is_met_and_none_exceeded(name):
-    limits = {"speed_m_s": 0.7, "acceleration_m_s2": 1.1} | ({"jerk_m_s3": 9.0} if coefficients(name).continuity > "C1" else {})
+    limits = {"speed_m_s": 0.7, "acceleration_m_s2": 1.1} | (
+        {"jerk_m_s3": 9.0} if coefficients(name).continuity > "C1" else {}
+    )
     move = LAWS[name](minimum_time_s(name, -0.4, **limits)).scaled(-0.4)
     shares = [move.peak(k).value / limit for k, limit in enumerate(limits.values(), start=1)]
     assert max(shares) == pytest.approx(1.0, rel=1e-12)
@@ -187,7 +205,9 @@ def test_the_printed_basis_of_the_quintic_misses_the_start():
     for order in range(3):
         ends = [d["state_0"][order], d["state_1"][order]]
         np.testing.assert_allclose(move.at([0.0, d["duration_s"]], order), ends, atol=1e-14)
-    printed = np.polynomial.Polynomial(move.pieces[0].coefficients)  # in powers of (t - t1): at t0 it is p(-T)
+    printed = np.polynomial.Polynomial(
+        move.pieces[0].coefficients
+    )  # in powers of (t - t1): at t0 it is p(-T)
     assert abs(printed(-d["duration_s"]) - d["state_0"][0]) > 1.0
 
 
@@ -220,8 +240,12 @@ def test_rest_to_rest_is_the_polynomial_between_two_rests_and_as_smooth_as_said(
     np.testing.assert_allclose(law.at(t), other.at(t), atol=1e-10)
     assert law.continuous(n)
     assert not law.continuous(n + 1)
-    norm = math.factorial(2 * n + 1) / math.factorial(n) ** 2  # mean square of x^n (1-x)^n: the beta function
-    assert law.rms(1) * 1.3 == pytest.approx(norm * math.factorial(2 * n) / math.sqrt(math.factorial(4 * n + 1)), rel=1e-11)
+    norm = (
+        math.factorial(2 * n + 1) / math.factorial(n) ** 2
+    )  # mean square of x^n (1-x)^n: the beta function
+    assert law.rms(1) * 1.3 == pytest.approx(
+        norm * math.factorial(2 * n) / math.sqrt(math.factorial(4 * n + 1)), rel=1e-11
+    )
 
 
 @pytest.mark.parametrize("n", [0, SMOOTHEST + 1])
@@ -232,7 +256,10 @@ def test_rest_to_rest_refuses_what_rounding_would_spoil(n):
 
 @pytest.mark.parametrize("state", [[], [math.nan], [0.0, math.inf]])
 def test_between_refuses_a_state_that_is_none(state):
-    with pytest.raises(PlanError, match=r"end = .* must hold 1 to 8 numbers|end\[\d\] = .* must be -1e\+12 to 1e\+12"):
+    with pytest.raises(
+        PlanError,
+        match=r"end = .* must hold 1 to 8 numbers|end\[\d\] = .* must be -1e\+12 to 1e\+12",
+    ):
         between([0.0], state, 1.0)
 
 
@@ -246,20 +273,35 @@ def test_conditions_at_the_ends_and_inside_are_met(times, values):
     move = hermite_birkhoff(conditions)
     for c in conditions:
         scale = max(1.0, move.peak(c.order).value)
-        assert float(move.at(c.t_s - min(times), c.order)) == pytest.approx(c.value, abs=1e-9 * scale)
+        assert float(move.at(c.t_s - min(times), c.order)) == pytest.approx(
+            c.value, abs=1e-9 * scale
+        )
     assert move.duration_s == pytest.approx(max(times) - min(times))
 
 
 def test_conditions_may_leave_gaps():
-    move = hermite_birkhoff(clash_of([(1.0, 0, 2.0), (1.0, 2, 0.0), (3.0, 3, 1.0), (4.0, 0, -1.0), (4.0, 1, 0.5)]))
+    move = hermite_birkhoff(
+        clash_of([(1.0, 0, 2.0), (1.0, 2, 0.0), (3.0, 3, 1.0), (4.0, 0, -1.0), (4.0, 1, 0.5)])
+    )
     np.testing.assert_allclose(
-        [move.at(0.0), move.at(0.0, 2), move.at(2.0, 3), move.at(3.0), move.at(3.0, 1)], [2, 0, 1, -1, 0.5], atol=1e-12
+        [move.at(0.0), move.at(0.0, 2), move.at(2.0, 3), move.at(3.0), move.at(3.0, 1)],
+        [2, 0, 1, -1, 0.5],
+        atol=1e-12,
     )
 
 
 def test_conditions_at_two_ends_are_the_two_point_polynomial():
     t0 = 1e4  # far from the clock's zero
-    ends = clash_of([(t0, 0, 1.0), (t0, 1, -0.5), (t0, 2, 0.3), (t0 + 2, 0, 4.0), (t0 + 2, 1, 0.7), (t0 + 2, 2, -0.2)])
+    ends = clash_of(
+        [
+            (t0, 0, 1.0),
+            (t0, 1, -0.5),
+            (t0, 2, 0.3),
+            (t0 + 2, 0, 4.0),
+            (t0 + 2, 1, 0.7),
+            (t0 + 2, 2, -0.2),
+        ]
+    )
     t = np.linspace(0.0, 2.0, 21)
     expected = between([1.0, -0.5, 0.3], [4.0, 0.7, -0.2], 2.0).at(t)
     np.testing.assert_allclose(hermite_birkhoff(ends).at(t), expected, atol=1e-12)
@@ -268,7 +310,10 @@ def test_conditions_at_two_ends_are_the_two_point_polynomial():
 @pytest.mark.parametrize(
     ("rows", "words"),
     [
-        ([(-1, 0, 0), (1, 0, 1), (0, 1, 0)], r"q\^\(0\)\(-1 s\), q\^\(0\)\(1 s\), q\^\(1\)\(0 s\) clash"),
+        (
+            [(-1, 0, 0), (1, 0, 1), (0, 1, 0)],
+            r"q\^\(0\)\(-1 s\), q\^\(0\)\(1 s\), q\^\(1\)\(0 s\) clash",
+        ),
         ([(0, 0, 0), (0, 0, 1), (1, 0, 1)], r"q\^\(0\)\(0 s\) is given more than once"),
         ([(0, 0, 0), (1, 3, 0)], r"q\^\(3\)\(1 s\) among 2; its order must be 0 to 1"),
         ([(0, 1, 0), (1, 1, 0)], "0 conditions on derivatives 0 to 0 of 2; must be >= 1"),
@@ -302,7 +347,9 @@ def test_any_fourier_law_has_the_mean_squares_of_parseval(free):
     shares = dict(enumerate([1.0 - sum(free), *free], start=1))
     law = fourier(1.0, shares)
     assert law.rms(1) ** 2 == pytest.approx(1.0 + sum(c * c for c in shares.values()) / 2)
-    assert law.rms(2) ** 2 == pytest.approx(sum((2 * math.pi * n * c) ** 2 for n, c in shares.items()) / 2)
+    assert law.rms(2) ** 2 == pytest.approx(
+        sum((2 * math.pi * n * c) ** 2 for n, c in shares.items()) / 2
+    )
 
 
 @pytest.mark.parametrize("k", range(4))
@@ -321,14 +368,22 @@ def test_each_derivative_of_the_elliptic_law_is_the_slope_of_the_one_before(orde
     law, h = elliptic(1.0, axis_ratio=1.5), 1e-3
     t = np.linspace(0.05, 0.95, 19)
     weights = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
-    slope = sum(w * (law.at(t + k * h, order - 1) - law.at(t - k * h, order - 1)) for k, w in weights.items()) / h
+    slope = (
+        sum(
+            w * (law.at(t + k * h, order - 1) - law.at(t - k * h, order - 1))
+            for k, w in weights.items()
+        )
+        / h
+    )
     np.testing.assert_allclose(law.at(t, order), slope, atol=1e-7 * np.abs(slope).max())
 
 
 def test_an_ellipse_with_equal_axes_is_the_harmonic_law():
     t = np.linspace(0.0, 2.0, 21)
     for order in range(6):
-        np.testing.assert_allclose(elliptic(2.0, axis_ratio=1.0).at(t, order), harmonic(2.0).at(t, order), atol=1e-11)
+        np.testing.assert_allclose(
+            elliptic(2.0, axis_ratio=1.0).at(t, order), harmonic(2.0).at(t, order), atol=1e-11
+        )
     with pytest.raises(PlanError, match=r"axis_ratio = 0\.9; must be 1 to 12"):
         elliptic(1.0, axis_ratio=0.9)
 
@@ -337,10 +392,20 @@ def test_the_modified_laws_are_their_definition():
     x = np.linspace(0.0, 1.0, 161)[1:-1]
     ca = 8 * math.pi / (2 + math.pi)
     half = np.minimum(x, 1 - x)
-    flat = np.where(half < 1 / 8, np.sin(4 * math.pi * half), np.where(half > 3 / 8, np.cos(4 * math.pi * (half - 3 / 8)), 1.0))
-    np.testing.assert_allclose(LAWS["modified_trapezoidal"](1.0).at(x, 2), ca * flat * np.where(x <= 0.5, 1, -1), atol=1e-12)
+    flat = np.where(
+        half < 1 / 8,
+        np.sin(4 * math.pi * half),
+        np.where(half > 3 / 8, np.cos(4 * math.pi * (half - 3 / 8)), 1.0),
+    )
+    np.testing.assert_allclose(
+        LAWS["modified_trapezoidal"](1.0).at(x, 2),
+        ca * flat * np.where(x <= 0.5, 1, -1),
+        atol=1e-12,
+    )
     ca = 4 * math.pi**2 / (4 + math.pi)
-    ends = np.where((x < 1 / 8) | (x > 7 / 8), np.sin(4 * math.pi * x), np.cos(4 * math.pi / 3 * (x - 1 / 8)))
+    ends = np.where(
+        (x < 1 / 8) | (x > 7 / 8), np.sin(4 * math.pi * x), np.cos(4 * math.pi / 3 * (x - 1 / 8))
+    )
     np.testing.assert_allclose(LAWS["modified_sine"](1.0).at(x, 2), ca * ends, atol=1e-12)
 
 
@@ -349,7 +414,9 @@ def test_trapezoids_of_the_sources_short_moves_included(k):
     d = DATA["trapezoid"]
     q0, q1, v, a, duration, ramp, peak = d["rows"][k]
     move = trapezoidal_within(q1 - q0, v, a)
-    assert (move.duration_s, move.times_s[1], move.peaks[0]) == pytest.approx((duration, ramp, peak), rel=1e-12)
+    assert (move.duration_s, move.times_s[1], move.peaks[0]) == pytest.approx(
+        (duration, ramp, peak), rel=1e-12
+    )
     path = move.trajectory().shifted(q0)
     np.testing.assert_allclose(path.at([0.0, duration]), [q0, q1], atol=1e-13)
     assert path.peak(2).value == pytest.approx(a)
@@ -377,17 +444,25 @@ def test_every_specification_of_a_trapezoid_makes_the_same_move():
 
 def test_at_the_least_acceleration_the_trapezoid_is_a_triangle():
     least = 4.0 * 2.0 / 3.0**2
-    assert trapezoidal_by_acceleration(2.0, 3.0, least).times_s == pytest.approx((1.5, 1.5), rel=1e-7)
+    assert trapezoidal_by_acceleration(2.0, 3.0, least).times_s == pytest.approx(
+        (1.5, 1.5), rel=1e-7
+    )
     assert triangular(1.0).peak(2).value == pytest.approx(4.0)
     with pytest.raises(Infeasible, match=r"must be finite and >= 0\.888888889") as caught:
         trapezoidal_by_acceleration(2.0, 3.0, 0.999 * least)
-    assert trapezoidal_by_acceleration(2.0, caught.value.minimum_time_s, 0.999 * least).duration_s > 3.0
+    assert (
+        trapezoidal_by_acceleration(2.0, caught.value.minimum_time_s, 0.999 * least).duration_s
+        > 3.0
+    )
 
 
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: trapezoidal_by_ramp(1.0, 1.0, 0.6), r"ramp_s = 0\.6 in 1\.0 s; must be > 0 and <= 0\.5"),
+        (
+            lambda: trapezoidal_by_ramp(1.0, 1.0, 0.6),
+            r"ramp_s = 0\.6 in 1\.0 s; must be > 0 and <= 0\.5",
+        ),
         (lambda: trapezoidal_by_ramp(1.0, 1.0, 0.0), r"ramp_s = 0\.0"),
         (lambda: trapezoidal_by_speed(1.0, 1.0, 2.1), "must be > 1 and <= 2"),
         (lambda: trapezoidal_by_speed(1.0, 1.0, 1.0), "must be > 1 and <= 2"),
@@ -401,7 +476,10 @@ def test_at_the_least_acceleration_the_trapezoid_is_a_triangle():
         (lambda: RectCascade.within(1.0, ()), "one at least must be finite"),
         (lambda: RectCascade.within(1.0, (math.inf, math.inf)), "one at least must be finite"),
         (lambda: double_s(1.0, beta=0.6), r"beta = 0\.6"),
-        (lambda: double_s_by_ramp(1.0, 1.0, 0.4, 0.3), r"jerk_s = 0\.3 in 0\.4 s; must be > 0 and <= 0\.2"),
+        (
+            lambda: double_s_by_ramp(1.0, 1.0, 0.4, 0.3),
+            r"jerk_s = 0\.3 in 0\.4 s; must be > 0 and <= 0\.2",
+        ),
         (lambda: fifteen_segments(1.0, gamma=0.0), r"gamma = 0\.0"),
         (lambda: double_s_within(1.0, 1.0, 1.0, math.inf), "jerk_m_s3 = inf of a double S"),
     ],
@@ -429,7 +507,11 @@ def test_a_move_of_no_length_takes_no_time_and_stands_still(move):
 
 @pytest.mark.parametrize(
     "move",
-    [trapezoidal_by_ramp(0.0, 2.0, 0.5), trapezoidal_by_acceleration(0.0, 2.0, 1.0), trapezoidal_by_speed(0.0, 2.0, 1.0)],
+    [
+        trapezoidal_by_ramp(0.0, 2.0, 0.5),
+        trapezoidal_by_acceleration(0.0, 2.0, 1.0),
+        trapezoidal_by_speed(0.0, 2.0, 1.0),
+    ],
 )
 def test_a_move_of_no_length_in_a_given_time_stands_still_for_it(move):
     assert move.duration_s == 2.0
@@ -468,7 +550,11 @@ def test_a_day_at_constant_speed_does_not_magnify_the_rounding_of_its_ramps():
     assert path.extent(1) == pytest.approx((0.0, 0.01), abs=1e-9)
 
 
-@given(st.floats(0.1, 5.0), st.lists(st.floats(0.01, 2.0), min_size=1, max_size=4), st.floats(0.0, 60.0))
+@given(
+    st.floats(0.1, 5.0),
+    st.lists(st.floats(0.01, 2.0), min_size=1, max_size=4),
+    st.floats(0.0, 60.0),
+)
 def test_the_transform_of_a_cascade_is_a_product_of_sincs(distance, times, w):
     path = RectCascade(distance, tuple(times)).trajectory()
     x, weights = np.polynomial.legendre.leggauss(96)
@@ -480,10 +566,17 @@ def test_the_transform_of_a_cascade_is_a_product_of_sincs(distance, times, w):
 
 
 def test_a_limit_of_infinity_is_no_limit():
-    assert RectCascade.within(2.0, (1.0, 2.0, math.inf)).times_s == RectCascade.within(2.0, (1.0, 2.0)).times_s
+    assert (
+        RectCascade.within(2.0, (1.0, 2.0, math.inf)).times_s
+        == RectCascade.within(2.0, (1.0, 2.0)).times_s
+    )
     free = RectCascade.within(2.0, (math.inf, math.inf, 3.0))
-    assert free.duration_s == pytest.approx(4.0 * math.cbrt(2.0 / (2.0 * 3.0)))  # case 2b: h = 2 j Tj^3
-    assert RectCascade.within(8.0, (math.inf, math.inf, math.inf, 1.0)).times_s == pytest.approx((4.0, 2.0, 1.0, 1.0))
+    assert free.duration_s == pytest.approx(
+        4.0 * math.cbrt(2.0 / (2.0 * 3.0))
+    )  # case 2b: h = 2 j Tj^3
+    assert RectCascade.within(8.0, (math.inf, math.inf, math.inf, 1.0)).times_s == pytest.approx(
+        (4.0, 2.0, 1.0, 1.0)
+    )
 
 
 @pytest.mark.parametrize("case", ["1a", "1b", "2a", "2b"])
@@ -501,7 +594,9 @@ def test_the_four_cases_of_the_double_s(case):
     assert found == pytest.approx((jerk_s, ramp_s, cruise_s, duration_s, peak_a, peak_v), rel=1e-9)
     assert move.trajectory().continuous(2)
     t = np.linspace(0.0, duration_s, 41)
-    shares = double_s(duration_s, alpha=min(0.5, ramp_s / duration_s), beta=min(0.5, jerk_s / ramp_s)).scaled(-h)
+    shares = double_s(
+        duration_s, alpha=min(0.5, ramp_s / duration_s), beta=min(0.5, jerk_s / ramp_s)
+    ).scaled(-h)
     np.testing.assert_allclose(move.trajectory().at(t), shares.at(t), atol=1e-8)
 
 
@@ -519,17 +614,30 @@ def test_seven_segments_and_three_rects_are_the_same_move(h, v, a, j):
     segments, rects = double_s_within(h, v, a, j), RectCascade.within(h, (v, a, j))
     assert segments.duration_s == pytest.approx(rects.duration_s, rel=1e-12)
     t = np.linspace(0.0, rects.duration_s, 23)
-    np.testing.assert_allclose(segments.trajectory().at(t), rects.trajectory().at(t), atol=1e-10 * max(1.0, abs(h)))
+    np.testing.assert_allclose(
+        segments.trajectory().at(t), rects.trajectory().at(t), atol=1e-10 * max(1.0, abs(h))
+    )
 
 
 @pytest.mark.parametrize("tie", [(10.0, 3.0, 3.0, 3.0), (4.0, 2.0, 1.0, 0.5), (2.0, 5.0, 1.0, 1.0)])
 def test_both_branches_of_the_double_s_agree_where_they_meet(tie):
-    durations = [double_s_within(tie[0] * (1 + e), *tie[1:]).duration_s for e in (-1e-10, 0.0, 1e-10)]
-    durations += [double_s_within(tie[0], tie[1], tie[2], tie[3] * (1 + e)).duration_s for e in (-1e-10, 1e-10)]
+    durations = [
+        double_s_within(tie[0] * (1 + e), *tie[1:]).duration_s for e in (-1e-10, 0.0, 1e-10)
+    ]
+    durations += [
+        double_s_within(tie[0], tie[1], tie[2], tie[3] * (1 + e)).duration_s
+        for e in (-1e-10, 1e-10)
+    ]
     assert np.ptp(durations) < 1e-8
 
 
-@given(h=st.floats(-10, 10), v=sizes, a=sizes, j=sizes, ends=st.tuples(st.floats(0, 1), st.floats(0, 1)))
+@given(
+    h=st.floats(-10, 10),
+    v=sizes,
+    a=sizes,
+    j=sizes,
+    ends=st.tuples(st.floats(0, 1), st.floats(0, 1)),
+)
 def test_a_double_s_meets_its_end_speeds_within_its_limits(h, v, a, j, ends):
     assume(abs(h) > 1e-3)
     start, end = (math.copysign(share * v, h) for share in ends)
@@ -550,7 +658,10 @@ def test_a_double_s_meets_its_end_speeds_within_its_limits(h, v, a, j, ends):
         ({"start_speed_m_s": -0.1}, r"start_speed_m_s = -0\.1 points against the move"),
         ({"end_speed_m_s": 1.1}, r"end_speed_m_s = 1\.1 with a limit of 1\.0 m/s"),
         ({"start_speed_m_s": math.nan}, "start_speed_m_s = nan"),
-        ({"start_speed_m_s": 1.0}, r"distance_m = 0\.1 for a change of speed from 1\.0 to 0\.0 m/s; its size must be >= 0\.75"),
+        (
+            {"start_speed_m_s": 1.0},
+            r"distance_m = 0\.1 for a change of speed from 1\.0 to 0\.0 m/s; its size must be >= 0\.75",
+        ),
     ],
 )
 def test_a_double_s_outside_its_cases_is_refused_by_name(options, words):

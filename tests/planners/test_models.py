@@ -18,7 +18,9 @@ from tests.planners.lagrangian import CartAndChain
 TWO = "0.5:3.375:bar,0.5:3.375:bar"
 THREE = f"{TWO},0.5:3.375:bar"
 JOINT = {"stiffness_n_m_rad": (10.0,), "joint_damping_n_m_s_rad": (2.214e-4,)}
-TABLES = ChainModel(links=parse_links(TWO), **JOINT, cart_mass_kg=19.522)  # source 004, section 4.2 on
+TABLES = ChainModel(
+    links=parse_links(TWO), **JOINT, cart_mass_kg=19.522
+)  # source 004, section 4.2 on
 MIXED = ChainModel(
     links=parse_links("0.5:2.0:bar,0.3:0.4:point,0.2:1.0:bar,0.4:0.1:point,0.6:3.0:bar"),
     stiffness_n_m_rad=(4.0, 0.0, 1.5, 7.0),
@@ -38,7 +40,9 @@ def truth_of(model, *, relative=False):
 @st.composite
 def chains(draw, damping=0.0):
     n = draw(st.integers(1, 5))
-    link = st.builds(Link, st.floats(0.1, 1.0), st.floats(0.05, 5.0), st.sampled_from(["bar", "point"]))
+    link = st.builds(
+        Link, st.floats(0.1, 1.0), st.floats(0.05, 5.0), st.sampled_from(["bar", "point"])
+    )
     joints = st.lists(st.floats(0.0, 20.0), min_size=n - 1, max_size=n - 1).map(tuple)
     return ChainModel(
         links=tuple(draw(st.lists(link, min_size=n, max_size=n))),
@@ -58,7 +62,9 @@ def motions(n):
 def slopes_at_rest(function, size, h=1e-3):
     """Jacobian by central differences of order 4."""
     steps = [(k, c) for k, c in ((-2, 1.0), (-1, -8.0), (1, 8.0), (2, -1.0))]
-    return np.array([sum(c * function(k * h * e) for k, c in steps) / (12.0 * h) for e in np.eye(size)]).T
+    return np.array(
+        [sum(c * function(k * h * e) for k, c in steps) / (12.0 * h) for e in np.eye(size)]
+    ).T
 
 
 @settings(max_examples=40, deadline=None)
@@ -69,7 +75,11 @@ def test_the_links_obey_lagranges_equations_written_from_positions(data, model, 
     apart = th[:, None] - th
     acceleration = truth_of(model).driven(np.append(0.0, th), np.append(0.0, rate), push)
     left = (e.mass_kg_m2 * np.cos(apart)) @ acceleration + (e.mass_kg_m2 * np.sin(apart)) @ rate**2
-    left += e.damping_n_m_s_rad @ rate + e.springs_n_m_rad @ th + e.gravity_m_s2 * e.coupling_kg_m * np.sin(th)
+    left += (
+        e.damping_n_m_s_rad @ rate
+        + e.springs_n_m_rad @ th
+        + e.gravity_m_s2 * e.coupling_kg_m * np.sin(th)
+    )
     scale = np.abs(e.mass_kg_m2).max() * (1.0 + np.abs(acceleration).max())
     np.testing.assert_allclose(left, -e.coupling_kg_m * np.cos(th) * push, atol=1e-10 * scale)
 
@@ -81,16 +91,23 @@ def test_a_pushed_platform_obeys_them_too(data, model, force):
     th, rate = np.split(data.draw(motions(n)), 2)
     out = truth_of(model).pushed(np.append(0.0, th), np.append(0.3, rate), force)
     pull = e.coupling_kg_m @ (np.cos(th) * out[1:] - np.sin(th) * rate**2)
-    assert (e.cart_mass_kg + e.load_mass_kg) * out[0] + pull == pytest.approx(force, abs=1e-9 * (1 + np.abs(out).max() * 20))
+    assert (e.cart_mass_kg + e.load_mass_kg) * out[0] + pull == pytest.approx(
+        force, abs=1e-9 * (1 + np.abs(out).max() * 20)
+    )
 
 
 @pytest.mark.parametrize("angles", ["absolute", "relative"])
-@pytest.mark.parametrize("links", [TWO, THREE, "1.0:0.7:point", "0.2:1.35:bar,0.15:1.0125:bar", "mixed"])
+@pytest.mark.parametrize(
+    "links", [TWO, THREE, "1.0:0.7:point", "0.2:1.35:bar,0.15:1.0125:bar", "mixed"]
+)
 def test_the_state_spaces_are_the_slopes_of_the_true_motion(links, angles):
     model = MIXED
     if links != "mixed":
         n = len(parse_links(links))
-        joints = {"stiffness_n_m_rad": (10.0, 6.0)[: n - 1], "joint_damping_n_m_s_rad": (0.1, 0.3)[: n - 1]}
+        joints = {
+            "stiffness_n_m_rad": (10.0, 6.0)[: n - 1],
+            "joint_damping_n_m_s_rad": (0.1, 0.3)[: n - 1],
+        }
         model = ChainModel(links=parse_links(links), **joints, tip_mass_kg=0.5)
     truth, n = truth_of(model, relative=angles == "relative"), model.links_count
 
@@ -109,21 +126,35 @@ def test_the_state_spaces_are_the_slopes_of_the_true_motion(links, angles):
 
     for name, rates in (("acceleration", driven), ("force", pushed)):
         space = model.state_space(name, angles=angles)
-        np.testing.assert_allclose(np.hstack([space.a, space.b]), slopes_at_rest(rates, 3 + 2 * n), **ENTRY)
+        np.testing.assert_allclose(
+            np.hstack([space.a, space.b]), slopes_at_rest(rates, 3 + 2 * n), **ENTRY
+        )
     jerk, lag_s = model.state_space("jerk", lag_s=0.05, angles=angles), 0.05
-    filtered = slopes_at_rest(lambda x: np.append(driven(x[:-1]), (x[-1] - x[-2]) / lag_s), 4 + 2 * n)
+    filtered = slopes_at_rest(
+        lambda x: np.append(driven(x[:-1]), (x[-1] - x[-2]) / lag_s), 4 + 2 * n
+    )
     np.testing.assert_allclose(np.hstack([jerk.a, jerk.b]), filtered, **ENTRY)
 
 
 def test_the_pendulum_has_the_sources_matrices():
     model, g, big, small = PendulumModel(length_m=0.8), 9.81, 32.0, 0.7
     force = model.state_space("force")
-    np.testing.assert_allclose(force.a[[1, 3], 2], [small * g / big, -g * (big + small) / (big * 0.8)], rtol=1e-13)
+    np.testing.assert_allclose(
+        force.a[[1, 3], 2], [small * g / big, -g * (big + small) / (big * 0.8)], rtol=1e-13
+    )
     np.testing.assert_allclose(force.b[[1, 3], 0], [1 / big, -1 / (big * 0.8)], rtol=1e-13)
     assert force.input == "force_n"
     jerk = model.state_space("jerk")
-    assert jerk.states == ("position_m", "speed_m_s", "angle_rad", "angular_velocity_rad_s", "acceleration_m_s2")
-    assert (jerk.a[1, 4], jerk.a[4, 4], jerk.b[4, 0]) == pytest.approx((1.0, -20 * math.pi, 20 * math.pi), rel=1e-14)
+    assert jerk.states == (
+        "position_m",
+        "speed_m_s",
+        "angle_rad",
+        "angular_velocity_rad_s",
+        "acceleration_m_s2",
+    )
+    assert (jerk.a[1, 4], jerk.a[4, 4], jerk.b[4, 0]) == pytest.approx(
+        (1.0, -20 * math.pi, 20 * math.pi), rel=1e-14
+    )
     assert jerk.a[3, [2, 4]] == pytest.approx([-g / 0.8, -1 / 0.8], rel=1e-14)
 
 
@@ -161,7 +192,9 @@ def test_two_equal_masses_swing_in_the_measured_ratio():
     model = ChainModel(links=parse_links("0.392:0.35:point,0.392:0.35:point"))
     slow, fast = model.modes().natural_frequencies_hz
     assert (slow, fast) == pytest.approx((0.6095, 1.4715), rel=3e-4)
-    assert fast / slow == pytest.approx(math.sqrt((2 + math.sqrt(2)) / (2 - math.sqrt(2))), rel=1e-12)
+    assert fast / slow == pytest.approx(
+        math.sqrt((2 + math.sqrt(2)) / (2 - math.sqrt(2))), rel=1e-12
+    )
 
 
 def test_a_force_sees_a_stiffer_load_than_an_acceleration():
@@ -180,10 +213,14 @@ def test_a_force_sees_a_stiffer_load_than_an_acceleration():
 @settings(max_examples=30, deadline=None)
 @given(model=chains(), zeta=st.floats(1e-5, 0.9))
 def test_the_damping_ratio_is_that_of_every_mode(model, zeta):
-    free = ChainModel(links=model.links, stiffness_n_m_rad=model.stiffness_n_m_rad, tip_mass_kg=model.tip_mass_kg)
+    free = ChainModel(
+        links=model.links, stiffness_n_m_rad=model.stiffness_n_m_rad, tip_mass_kg=model.tip_mass_kg
+    )
     damped = free.with_parameter("damping_ratio", zeta)
     np.testing.assert_allclose(damped.modes().damping_ratios, zeta, rtol=1e-7)
-    np.testing.assert_allclose(damped.modes().natural_frequencies_hz, free.modes().natural_frequencies_hz, rtol=1e-7)
+    np.testing.assert_allclose(
+        damped.modes().natural_frequencies_hz, free.modes().natural_frequencies_hz, rtol=1e-7
+    )
     assert not free.modes().rates_1_s.real.any()
 
 
@@ -202,21 +239,32 @@ def test_a_chain_of_one_point_is_the_pendulum(zeta):
 
 def test_a_hanging_bar_swings_like_a_cable_of_two_thirds():
     bar = ChainModel(links=parse_links("0.6:2.0:bar"))
-    assert bar.natural_frequency_rad_s == pytest.approx(PendulumModel(length_m=0.4).natural_frequency_rad_s, rel=1e-14)
+    assert bar.natural_frequency_rad_s == pytest.approx(
+        PendulumModel(length_m=0.4).natural_frequency_rad_s, rel=1e-14
+    )
 
 
 @settings(max_examples=30, deadline=None)
 @given(model=chains(), name=st.sampled_from(["acceleration", "force", "jerk"]))
 def test_relative_angles_swing_at_the_same_rates(model, name):
     absolute, relative = model.state_space(name), model.state_space(name, angles="relative")
-    for power in (1, 2, 3, 4):  # sums of powers of the eigenvalues: defective double zeros do not blur them
-        traces = [np.trace(np.linalg.matrix_power(space.a, power)) for space in (absolute, relative)]
+    for power in (
+        1,
+        2,
+        3,
+        4,
+    ):  # sums of powers of the eigenvalues: defective double zeros do not blur them
+        traces = [
+            np.trace(np.linalg.matrix_power(space.a, power)) for space in (absolute, relative)
+        ]
         scale = np.linalg.norm(relative.a, 2) ** power
         assert traces[0] == pytest.approx(traces[1], abs=1e-11 * scale)
 
 
 @settings(max_examples=40, deadline=None)
-@given(model=chains(), cart=st.sampled_from(["driven", "free"]), zeta=st.sampled_from([0.0, 0.01, 0.3]))
+@given(
+    model=chains(), cart=st.sampled_from(["driven", "free"]), zeta=st.sampled_from([0.0, 0.01, 0.3])
+)
 def test_the_modes_take_the_swing_apart(model, cart, zeta):
     model = model.with_parameter("damping_ratio", zeta)
     modes, (a, b) = model.modes(cart), model.equations.swing(cart)
@@ -224,7 +272,11 @@ def test_the_modes_take_the_swing_apart(model, cart, zeta):
     condition = np.linalg.cond(modes.shapes)
     tolerance = 1e-13 * condition * np.abs(modes.rates_1_s).max()
     np.testing.assert_allclose(modes.filters @ modes.shapes, np.eye(size), atol=1e-12 * condition)
-    np.testing.assert_allclose(modes.shapes @ (modes.rates_1_s[:, None] * modes.filters), a, atol=tolerance * np.abs(a).max())
+    np.testing.assert_allclose(
+        modes.shapes @ (modes.rates_1_s[:, None] * modes.filters),
+        a,
+        atol=tolerance * np.abs(a).max(),
+    )
     heard = modes.gains > 1e-9
     np.testing.assert_allclose((modes.filters @ b)[heard], 1.0, atol=1e-9)
     assert np.all((modes.gains >= 0.0) & (modes.gains <= 1.0 + 1e-12))
@@ -232,7 +284,9 @@ def test_the_modes_take_the_swing_apart(model, cart, zeta):
 
 
 def test_a_bend_that_no_platform_excites_has_no_gain():
-    free, stiff = (ChainModel(links=parse_links(TWO), stiffness_n_m_rad=(k,)).modes().gains for k in (0.0, 1e7))
+    free, stiff = (
+        ChainModel(links=parse_links(TWO), stiffness_n_m_rad=(k,)).modes().gains for k in (0.0, 1e7)
+    )
     assert free.min() > 1e-2
     assert stiff[2:].max() < 1e-3 < stiff[:2].min()
 
@@ -241,7 +295,9 @@ def test_a_bend_that_no_platform_excites_has_no_gain():
 @given(data=st.data(), model=chains())
 def test_no_free_swing_exceeds_its_amplitude(data, model):
     x = 0.1 * data.draw(motions(model.links_count))
-    bare = ChainModel(links=model.links, stiffness_n_m_rad=model.stiffness_n_m_rad, tip_mass_kg=model.tip_mass_kg)
+    bare = ChainModel(
+        links=model.links, stiffness_n_m_rad=model.stiffness_n_m_rad, tip_mass_kg=model.tip_mass_kg
+    )
     n, modes = model.links_count, bare.modes()
     t = np.linspace(0.0, 20.0, 2001)
     waves = np.exp(np.outer(t, modes.rates_1_s)) * (modes.filters @ x)
@@ -253,7 +309,10 @@ def test_no_free_swing_exceeds_its_amplitude(data, model):
         assert bound == pytest.approx(math.hypot(x[0], x[1] / w), rel=1e-9, abs=1e-15)
 
 
-@pytest.mark.parametrize("model", [PendulumModel(length_m=0.7), ChainModel(links=parse_links("0.5:1:bar")), TABLES, MIXED])
+@pytest.mark.parametrize(
+    "model",
+    [PendulumModel(length_m=0.7), ChainModel(links=parse_links("0.5:1:bar")), TABLES, MIXED],
+)
 def test_every_parameter_can_be_another(model):
     assert model.parameters
     for name, value in model.parameters.items():
@@ -263,7 +322,9 @@ def test_every_parameter_can_be_another(model):
         bar = name.startswith("length") and name.replace("length", "mass") in changed
         assert changed == {name, name.replace("length", "mass")} if bar else {name}
         back = other.with_parameter(name, value)
-        assert list(back.parameters.values()) == pytest.approx(list(model.parameters.values()), rel=1e-13)
+        assert list(back.parameters.values()) == pytest.approx(
+            list(model.parameters.values()), rel=1e-13
+        )
 
 
 def test_a_longer_bar_is_heavier_and_a_longer_cable_is_not():
@@ -272,13 +333,20 @@ def test_a_longer_bar_is_heavier_and_a_longer_cable_is_not():
 
 
 def test_links_are_read_from_text():
-    assert parse_links("0.5:3.375:bar, 0.3:1:point,0.2:2") == (Link(0.5, 3.375), Link(0.3, 1.0, "point"), Link(0.2, 2.0))
+    assert parse_links("0.5:3.375:bar, 0.3:1:point,0.2:2") == (
+        Link(0.5, 3.375),
+        Link(0.3, 1.0, "point"),
+        Link(0.2, 2.0),
+    )
 
 
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("", r"link = ''; must be length:mass:kind in m and kg, kind one of bar, point: e\.g\. 0\.5:3\.375:bar"),
+        (
+            "",
+            r"link = ''; must be length:mass:kind in m and kg, kind one of bar, point: e\.g\. 0\.5:3\.375:bar",
+        ),
         ("0.5", r"link = '0\.5'; must be length:mass:kind"),
         ("0.5:1:bar,", "link = ''"),
         ("0.5:1:bar:2", "link = '0.5:1:bar:2'; must be"),
@@ -297,18 +365,32 @@ def test_links_that_make_no_sense_are_refused_by_name(text, told):
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -1.0])
 @pytest.mark.parametrize(
-    "name", ["stiffness_n_m_rad", "joint_damping_n_m_s_rad", "tip_mass_kg", "damping_ratio", "gravity_m_s2", "cart_mass_kg"]
+    "name",
+    [
+        "stiffness_n_m_rad",
+        "joint_damping_n_m_s_rad",
+        "tip_mass_kg",
+        "damping_ratio",
+        "gravity_m_s2",
+        "cart_mass_kg",
+    ],
 )
 def test_a_chain_that_makes_no_sense_is_refused_by_name(name, bad):
     value = (bad,) if name in JOINT else bad
-    with pytest.raises(PlanError, match=rf"{name} = \(?{bad}.*; must be (>= 0 and < 1|[\d.e+-]+ to [\d.e+-]+): \w+"):
+    with pytest.raises(
+        PlanError, match=rf"{name} = \(?{bad}.*; must be (>= 0 and < 1|[\d.e+-]+ to [\d.e+-]+): \w+"
+    ):
         ChainModel(links=parse_links(TWO), **{name: value})
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -1.0])
-@pytest.mark.parametrize("name", ["length_m", "damping_ratio", "gravity_m_s2", "mass_kg", "cart_mass_kg"])
+@pytest.mark.parametrize(
+    "name", ["length_m", "damping_ratio", "gravity_m_s2", "mass_kg", "cart_mass_kg"]
+)
 def test_a_pendulum_that_makes_no_sense_is_refused_by_name(name, bad):
-    with pytest.raises(PlanError, match=rf"{name} = {bad}; must be (>= 0 and < 1|[\d.e+-]+ to [\d.e+-]+): \w+"):
+    with pytest.raises(
+        PlanError, match=rf"{name} = {bad}; must be (>= 0 and < 1|[\d.e+-]+ to [\d.e+-]+): \w+"
+    ):
         PendulumModel(**{"length_m": 1.0, name: bad})
 
 
@@ -317,7 +399,10 @@ def test_a_wrong_count_is_refused_with_the_right_one():
         ChainModel(links=())
     with pytest.raises(PlanError, match="links: 21; must be 1 to 20"):
         ChainModel(links=(Link(0.1, 1.0),) * 21)
-    with pytest.raises(PlanError, match="stiffness_n_m_rad: 2 values; must be 1, one for each joint between 2 links"):
+    with pytest.raises(
+        PlanError,
+        match="stiffness_n_m_rad: 2 values; must be 1, one for each joint between 2 links",
+    ):
         ChainModel(links=parse_links(TWO), stiffness_n_m_rad=(1.0, 2.0))
 
 
@@ -360,18 +445,25 @@ def test_the_further_states_are_the_slopes_of_the_response(model, name, h, input
     u = np.sin(3.0 * t) + (t < 0.5)
     value, space = model.parameters[name], augmented(model, input, [name], states=states)
     out, plain = simulated(space, t, u), len(model.state_space(input).states)
-    runs = [simulated(model.with_parameter(name, value + k * h).state_space(input), t, u) for k in (-2, -1, 1, 2)]
+    runs = [
+        simulated(model.with_parameter(name, value + k * h).state_space(input), t, u)
+        for k in (-2, -1, 1, 2)
+    ]
     slope = (runs[0] - 8 * runs[1] + 8 * runs[2] - runs[3]) / (12 * h)
     for k, state in enumerate(space.states[plain:]):
         x = model.state_space(input).states.index(state.removesuffix(f"_per_{name}"))
         np.testing.assert_allclose(out[:, plain + k], slope[:, x], atol=2e-7 * np.abs(slope).max())
-    np.testing.assert_allclose(out[:, :plain], simulated(model.state_space(input), t, u), atol=1e-12)
+    np.testing.assert_allclose(
+        out[:, :plain], simulated(model.state_space(input), t, u), atol=1e-12
+    )
 
 
 def test_the_pendulums_sensitivity_to_length_is_the_sources_and_the_term_it_lacks():
     space, g, length = augmented(PendulumModel(length_m=0.8), "acceleration", ["length"]), 9.81, 0.8
     assert space.states[4:] == ("angle_rad_per_length", "angular_velocity_rad_s_per_length")
-    np.testing.assert_allclose(space.a[4:], [[0, 0, 0, 0, 0, 1], [0, 0, g / length**2, 0, -g / length, 0]], atol=1e-9)
+    np.testing.assert_allclose(
+        space.a[4:], [[0, 0, 0, 0, 0, 1], [0, 0, g / length**2, 0, -g / length, 0]], atol=1e-9
+    )
     np.testing.assert_allclose(space.b[4:, 0], [0.0, 1 / length**2], atol=1e-9)
 
 
@@ -386,11 +478,15 @@ def test_a_parameter_at_zero_has_a_slope_too(name):
 
 
 @pytest.mark.parametrize("input", ["acceleration", "force", "jerk"])
-@pytest.mark.parametrize(("model", "name"), [(PendulumModel(length_m=1.0), "length"), (TABLES, "length_2"), (MIXED, "mass_1")])
+@pytest.mark.parametrize(
+    ("model", "name"),
+    [(PendulumModel(length_m=1.0), "length"), (TABLES, "length_2"), (MIXED, "mass_1")],
+)
 def test_the_angles_sensitivities_can_be_reached_and_the_positions_cannot(model, name, input):
     assert check_reachable(augmented(model, input, [name]))
     with pytest.raises(
-        PlanError, match=r"states are tied to others .*; must be 0 for .*: take the sensitivities of the angles alone"
+        PlanError,
+        match=r"states are tied to others .*; must be 0 for .*: take the sensitivities of the angles alone",
     ):
         check_reachable(augmented(model, input, [name], states="all"))
     deaf = (f"position_m_per_{name}", f"speed_m_s_per_{name}")
@@ -400,12 +496,15 @@ def test_the_angles_sensitivities_can_be_reached_and_the_positions_cannot(model,
 
 
 @pytest.mark.parametrize(
-    ("model", "names"), [(PendulumModel(length_m=1.0), ("length", "gravity")), (TABLES, ("length_1", "stiffness_1"))]
+    ("model", "names"),
+    [(PendulumModel(length_m=1.0), ("length", "gravity")), (TABLES, ("length_1", "stiffness_1"))],
 )
 def test_a_second_parameter_asks_for_nothing_new(model, names):
     space = augmented(model, "acceleration", names)
     assert len(space.states) == 2 + 6 * model.links_count
-    assert {state for state in unreachable(space) if "_per_" in state} == set(space.states[2 + 2 * model.links_count :])
+    assert {state for state in unreachable(space) if "_per_" in state} == set(
+        space.states[2 + 2 * model.links_count :]
+    )
     columns = [space.b]
     for _ in space.states[1:]:
         columns.append(space.a @ columns[-1] / 10.0)
@@ -418,10 +517,14 @@ def test_parameters_that_cannot_be_forgiven_are_refused_by_name():
     with pytest.raises(PlanError, match="parameter = 'lenght'; did you mean 'length'"):
         augmented(model, "acceleration", ["lenght"])
     for name in ("mass", "cart_mass"):
-        with pytest.raises(PlanError, match=f"parameter = '{name}' moves nothing under input = 'acceleration'"):
+        with pytest.raises(
+            PlanError, match=f"parameter = '{name}' moves nothing under input = 'acceleration'"
+        ):
             augmented(model, "acceleration", [name])
         assert not unreachable(augmented(model, "force", [name]))
-    with pytest.raises(PlanError, match=r"parameters = \('length', 'length'\); each must be there once"):
+    with pytest.raises(
+        PlanError, match=r"parameters = \('length', 'length'\); each must be there once"
+    ):
         augmented(model, "acceleration", ["length", "length"])
 
 

@@ -17,15 +17,33 @@ from planners.laws.harmonic import harmonic
 from planners.laws.polynomial import between, quintic
 from planners.laws.rect_cascade import RectCascade
 from planners.splines.cubic import clamped
-from planners.trajectories.operations import composed, normalised, reversed_in_time, stretched, translated, within_limits
+from planners.trajectories.operations import (
+    composed,
+    normalised,
+    reversed_in_time,
+    stretched,
+    translated,
+    within_limits,
+)
 from planners.trajectories.pieces import ExpPolynomial, Mode, Smooth, polynomial
 from planners.trajectories.trajectory import Trajectory
 
 DAMPED = Trajectory(
-    (ExpPolynomial(1.7, (0.3, -0.2, 0.05), (Mode(-0.4 + 9.0j, (0.2 - 0.1j, 0.05j)), Mode(1.3 + 0j, (0.02 + 0j,)))),)
+    (
+        ExpPolynomial(
+            1.7,
+            (0.3, -0.2, 0.05),
+            (Mode(-0.4 + 9.0j, (0.2 - 0.1j, 0.05j)), Mode(1.3 + 0j, (0.02 + 0j,))),
+        ),
+    )
 )
 CHAIN = RectCascade(0.8, (1.0, 0.5, 0.2)).trajectory().shifted(-0.3)
-MOTIONS = {"damped": DAMPED, "chain": CHAIN, "smooth": elliptic(1.4).scaled(-2.0), "harmonic": harmonic(2.0)}
+MOTIONS = {
+    "damped": DAMPED,
+    "chain": CHAIN,
+    "smooth": elliptic(1.4).scaled(-2.0),
+    "harmonic": harmonic(2.0),
+}
 every_motion = pytest.mark.parametrize("motion", MOTIONS.values(), ids=MOTIONS)
 every_law = pytest.mark.parametrize("name", LAWS)
 POWER = Trajectory((polynomial(2.0, (0.0, 0.3, 0.1, 0.05)),))  # a clock
@@ -46,13 +64,17 @@ def test_the_three_reflections_are_what_they_say(motion, order):
     scale = np.abs(truth).max() + 1.0
     np.testing.assert_allclose(back.at(t, order), truth, atol=1e-11 * scale)
     np.testing.assert_allclose(back.scaled(-1.0).at(t, order), -truth, atol=1e-11 * scale)
-    np.testing.assert_allclose(motion.scaled(-1.0).at(t, order), -motion.at(t, order), atol=1e-12 * scale)
+    np.testing.assert_allclose(
+        motion.scaled(-1.0).at(t, order), -motion.at(t, order), atol=1e-12 * scale
+    )
 
 
 @every_motion
 def test_turning_back_twice_is_the_motion_itself(motion):
     t = inside(motion)
-    np.testing.assert_allclose(reversed_in_time(reversed_in_time(motion)).at(t), motion.at(t), atol=1e-12)
+    np.testing.assert_allclose(
+        reversed_in_time(reversed_in_time(motion)).at(t), motion.at(t), atol=1e-12
+    )
 
 
 @every_motion
@@ -67,7 +89,9 @@ def test_reflections_keep_peaks_and_mean_squares(motion):
 def test_a_law_turned_in_time_and_sign_is_itself_from_one_below(name):
     law = LAWS[name](1.0)
     t = np.linspace(0.0, 1.0, 23)
-    np.testing.assert_allclose(reversed_in_time(law).scaled(-1.0).shifted(1.0).at(t), law.at(t), atol=1e-12)
+    np.testing.assert_allclose(
+        reversed_in_time(law).scaled(-1.0).shifted(1.0).at(t), law.at(t), atol=1e-12
+    )
 
 
 @every_motion
@@ -76,14 +100,18 @@ def test_stretching_divides_each_derivative_by_a_power(motion, factor):
     slow, t = stretched(motion, factor), inside(motion)
     assert slow.duration_s == pytest.approx(factor * motion.duration_s)
     for order in range(4):
-        np.testing.assert_allclose(slow.at(factor * t, order) * factor**order, motion.at(t, order), rtol=1e-10, atol=1e-10)
+        np.testing.assert_allclose(
+            slow.at(factor * t, order) * factor**order, motion.at(t, order), rtol=1e-10, atol=1e-10
+        )
         assert slow.rms(order) == pytest.approx(motion.rms(order) / factor**order, rel=1e-10)
 
 
 @every_law
 def test_a_stretched_law_is_the_law_of_that_duration(name):
     t = np.linspace(0.0, 2.6, 27)
-    np.testing.assert_allclose(stretched(LAWS[name](1.3), 2.0).at(t), LAWS[name](2.6).at(t), atol=1e-12)
+    np.testing.assert_allclose(
+        stretched(LAWS[name](1.3), 2.0).at(t), LAWS[name](2.6).at(t), atol=1e-12
+    )
 
 
 @every_motion
@@ -96,7 +124,11 @@ def test_translation_moves_and_delays(motion):
 
 @every_law
 @settings(max_examples=10)
-@given(h=st.floats(-5, 5).filter(lambda h: abs(h) > 1e-3), q0=st.floats(-5, 5), duration_s=st.floats(0.1, 9))
+@given(
+    h=st.floats(-5, 5).filter(lambda h: abs(h) > 1e-3),
+    q0=st.floats(-5, 5),
+    duration_s=st.floats(0.1, 9),
+)
 def test_the_normal_form_of_a_scaled_law_is_the_law(name, h, q0, duration_s):
     move, t = LAWS[name](duration_s).scaled(h).shifted(q0), np.linspace(0.0, 1.0, 9)
     plain = normalised(move)
@@ -139,7 +171,9 @@ def test_a_composition_passes_the_same_places_at_the_clock_s_times(motion):
     s1, s2, s3 = (sigma.at(inside(move), k) for k in (1, 2, 3))
     q1, q2, q3 = (motion.at(sigma.at(inside(move)), k) for k in (1, 2, 3))
     np.testing.assert_allclose(move.at(inside(move), 2), q2 * s1**2 + q1 * s2, atol=1e-9)
-    np.testing.assert_allclose(move.at(inside(move), 3), q3 * s1**3 + 3 * q2 * s1 * s2 + q1 * s3, atol=1e-7)
+    np.testing.assert_allclose(
+        move.at(inside(move), 3), q3 * s1**3 + 3 * q2 * s1 * s2 + q1 * s3, atol=1e-7
+    )
 
 
 @every_motion
@@ -175,14 +209,29 @@ def lag(t, order):
 
 
 CLOCKS = {
-    "backwards": (between([0.0, -0.5], [1.0, 0.5], 1.0), "sigma is not increasing: lowest speed -0.5"),
+    "backwards": (
+        between([0.0, -0.5], [1.0, 0.5], 1.0),
+        "sigma is not increasing: lowest speed -0.5",
+    ),
     "standing": (
-        Trajectory((polynomial(0.5, (0.0, 0.0, 2.0)), polynomial(0.5, (0.5,)), polynomial(0.5, (0.5, 0.0, 2.0)))),
+        Trajectory(
+            (
+                polynomial(0.5, (0.0, 0.0, 2.0)),
+                polynomial(0.5, (0.5,)),
+                polynomial(0.5, (0.5, 0.0, 2.0)),
+            )
+        ),
         "smallest rise over a piece 0 s",
     ),
-    "short": (quintic(1.0).scaled(0.9), r"sigma runs from 0\.0 to 0\.9\d* s; must run from 0 to 1\.0 s"),
+    "short": (
+        quintic(1.0).scaled(0.9),
+        r"sigma runs from 0\.0 to 0\.9\d* s; must run from 0 to 1\.0 s",
+    ),
     "late": (quintic(1.0).shifted(0.1), r"sigma runs from 0\.1"),
-    "kinked": (Trajectory((polynomial(0.5, (0.0, 0.5)), polynomial(0.5, (0.25, 1.5)))), "derivative 1 of sigma steps by 1"),
+    "kinked": (
+        Trajectory((polynomial(0.5, (0.0, 0.5)), polynomial(0.5, (0.25, 1.5)))),
+        "derivative 1 of sigma steps by 1",
+    ),
     "jerked": (LAWS["triangular"](1.0), "derivative 2 of sigma steps by 8"),
 }
 
@@ -212,11 +261,19 @@ def test_a_smooth_clock_s_own_derivatives_bound_those_of_the_composition():
         (lambda: translated(harmonic(1.0), delay_s=-0.1), r"delay_s = -0\.1"),
         (lambda: translated(harmonic(1.0), math.inf), "distance_m = inf"),
         (lambda: normalised(Trajectory.hold(1.0, 1.0)), "must end elsewhere to be normalised"),
-        (lambda: normalised(quintic(1.0).then(reversed_in_time(quintic(1.0)))), "must end elsewhere"),
+        (
+            lambda: normalised(quintic(1.0).then(reversed_in_time(quintic(1.0)))),
+            "must end elsewhere",
+        ),
         (lambda: within_limits(harmonic(1.0)), "one at least must be finite"),
         (lambda: within_limits(harmonic(1.0), speed_m_s=-1.0), r"speed_m_s = -1\.0"),
         (lambda: within_limits(harmonic(1.0), jerk_m_s3=1.0), "a step in derivative 2"),
-        (lambda: within_limits(Trajectory((polynomial(1.0, (0.0, 1.0)),)), acceleration_m_s2=1.0), "a step in derivative 1"),
+        (
+            lambda: within_limits(
+                Trajectory((polynomial(1.0, (0.0, 1.0)),)), acceleration_m_s2=1.0
+            ),
+            "a step in derivative 1",
+        ),
     ],
 )
 def test_operations_refuse_what_they_cannot_do(act, words):
@@ -225,7 +282,10 @@ def test_operations_refuse_what_they_cannot_do(act, words):
 
 
 def test_a_long_path_on_a_long_clock_has_the_derivatives_of_the_chain_rule():
-    path, clock = clamped(np.arange(50.0), np.random.default_rng(1).uniform(-1.0, 1.0, 50)), quintic(75.0).scaled(49.0)
+    path, clock = (
+        clamped(np.arange(50.0), np.random.default_rng(1).uniform(-1.0, 1.0, 50)),
+        quintic(75.0).scaled(49.0),
+    )
     move, t = composed(path, clock), np.linspace(0.05, 74.95, 3001)
     place, speed = clock.at(t), clock.at(t, 1)
     bend = path.at(place, 2) * speed**2 + path.at(place, 1) * clock.at(t, 2)

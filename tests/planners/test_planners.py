@@ -71,7 +71,9 @@ def swing_by_dop853(motion, model, *, nonlinear, start=(0.0, 0.0), axis=0):
             return [x[1], -w2 * sin(x[0]) - damping * x[1] - push * cos(x[0])]
 
         span = (begin, begin + piece.duration_s)
-        out = solve_ivp(rates, span, state, "DOP853", rtol=1e-11, atol=1e-13, events=lambda t, x: x[1])
+        out = solve_ivp(
+            rates, span, state, "DOP853", rtol=1e-11, atol=1e-13, events=lambda t, x: x[1]
+        )
         state = out.y[:, -1]
         peak = max(peak, abs(state[0]), *abs(out.y_events[0].reshape(-1, 2)[:, 0]))
     return peak, state
@@ -79,10 +81,18 @@ def swing_by_dop853(motion, model, *, nonlinear, start=(0.0, 0.0), axis=0):
 
 @pytest.mark.parametrize(("time_s", "angle", "travel", "v_max", "v_rms", "a_max", "a_rms"), TABLE)
 @pytest.mark.parametrize("name", CLOSED)
-def test_the_least_energy_move_has_the_published_metrics(name, time_s, angle, travel, v_max, v_rms, a_max, a_rms):
+def test_the_least_energy_move_has_the_published_metrics(
+    name, time_s, angle, travel, v_max, v_rms, a_max, a_rms
+):
     made = plan(name, problem_of(time_s=time_s))
     m = made.metrics
-    ours = (m.travel_m, m.peak_speed_m_s, m.rms_speed_m_s, m.peak_acceleration_m_s2, m.rms_acceleration_m_s2)
+    ours = (
+        m.travel_m,
+        m.peak_speed_m_s,
+        m.rms_speed_m_s,
+        m.peak_acceleration_m_s2,
+        m.rms_acceleration_m_s2,
+    )
     assert ours == pytest.approx((travel, v_max, v_rms, a_max, a_rms), rel=1e-5)
     peak, end = swing_by_dop853(made.motion, METRE, nonlinear=False)
     assert peak == pytest.approx(angle, rel=1e-5)
@@ -97,7 +107,10 @@ def test_the_least_energy_move_ends_at_rest_with_damping_too(model, phase, dista
     end = made.motion.x.pieces[0].at(np.array([problem.time_s]))
     scale = max(abs(distance), 1e-3)
     assert abs(end[0] - 0.3 - distance) <= 1e-9 * scale
-    assert abs(made.motion.x.pieces[0].at(np.array([problem.time_s]), 1)[0]) <= 1e-9 * made.metrics.peak_speed_m_s + 1e-12
+    assert (
+        abs(made.motion.x.pieces[0].at(np.array([problem.time_s]), 1)[0])
+        <= 1e-9 * made.metrics.peak_speed_m_s + 1e-12
+    )
     assert made.metrics.residual_swing_rad <= 1e-9 * max(made.metrics.peak_swing_rad, 1e-6)
 
 
@@ -109,10 +122,16 @@ def test_the_least_energy_move_costs_what_the_gramian_says():
         w = w.reshape(4, 4)
         return (space.a @ w + w @ space.a.T + space.b @ space.b.T).ravel()
 
-    gramian = solve_ivp(spread, (0, time_s), np.zeros(16), "DOP853", rtol=1e-11, atol=1e-14).y[:, -1].reshape(4, 4)
+    gramian = (
+        solve_ivp(spread, (0, time_s), np.zeros(16), "DOP853", rtol=1e-11, atol=1e-14)
+        .y[:, -1]
+        .reshape(4, 4)
+    )
     goal = np.array([0.2, 0.0, 0.0, 0.0])
     made = plan("matrix_exponential", problem_of(0.2, time_s, model))
-    assert made.metrics.rms_acceleration_m_s2**2 * time_s == pytest.approx(goal @ np.linalg.solve(gramian, goal), rel=1e-7)
+    assert made.metrics.rms_acceleration_m_s2**2 * time_s == pytest.approx(
+        goal @ np.linalg.solve(gramian, goal), rel=1e-7
+    )
 
 
 def test_a_swinging_load_is_brought_to_rest():
@@ -178,7 +197,9 @@ def test_a_mistuned_zv_leaves_the_swing_its_definition_says():
     made = plan("zv", problem_of(time_s=2.0))
     real = PendulumModel(length_m=0.9)
     _, end = swing_by_dop853(made.motion, real, nonlinear=False)
-    assert amplitude(real, end) == pytest.approx(14.5e-3, abs=0.05e-3)  # source 004, sensitivity to length
+    assert amplitude(real, end) == pytest.approx(
+        14.5e-3, abs=0.05e-3
+    )  # source 004, sensitivity to length
 
 
 def test_zv_in_too_short_a_time_names_the_least_time():
@@ -189,36 +210,50 @@ def test_zv_in_too_short_a_time_names_the_least_time():
 
 
 @pytest.mark.parametrize("name", [*CLOSED, "zv", "zvd", "ei"])
-@pytest.mark.parametrize("model", [METRE, PendulumModel(length_m=0.15), PendulumModel(length_m=1.0, damping_ratio=0.2)])
+@pytest.mark.parametrize(
+    "model", [METRE, PendulumModel(length_m=0.15), PendulumModel(length_m=1.0, damping_ratio=0.2)]
+)
 def test_the_replay_agrees_with_an_independent_nonlinear_pendulum(name, model):
     made = plan(name, problem_for(name, model=model))
     peak, end = swing_by_dop853(made.motion, model, nonlinear=True)
-    assert made.metrics.residual_swing_nonlinear_rad == pytest.approx(amplitude(model, end), abs=1e-7)
+    assert made.metrics.residual_swing_nonlinear_rad == pytest.approx(
+        amplitude(model, end), abs=1e-7
+    )
     assert made.metrics.peak_swing_rad == pytest.approx(peak, rel=1e-6)
 
 
-@pytest.mark.parametrize(("time_s", "left"), [(2.0, 4.2e-5), (1.5, 3.7e-4), (1.1, 3.0e-3), (0.75, 0.032)])
+@pytest.mark.parametrize(
+    ("time_s", "left"), [(2.0, 4.2e-5), (1.5, 3.7e-4), (1.1, 3.0e-3), (0.75, 0.032)]
+)
 def test_the_true_pendulum_keeps_the_published_residual(time_s, left):
-    assert plan("matrix_exponential", problem_of(time_s=time_s)).metrics.residual_swing_nonlinear_rad == pytest.approx(
-        left, rel=0.02
-    )
+    assert plan(
+        "matrix_exponential", problem_of(time_s=time_s)
+    ).metrics.residual_swing_nonlinear_rad == pytest.approx(left, rel=0.02)
 
 
 def test_the_replay_stays_within_a_ten_millionth_of_a_radian_for_three_seconds():
     for model in (METRE, PendulumModel(length_m=0.3, damping_ratio=0.05)):
-        made = plan("matrix_exponential", problem_of(1.0, 3.0, model, start_state={"angle_rad": 0.4}))
+        made = plan(
+            "matrix_exponential", problem_of(1.0, 3.0, model, start_state={"angle_rad": 0.4})
+        )
         swing = replay(model, made.motion.x, angles_rad=0.4)
         _, end = swing_by_dop853(made.motion, model, nonlinear=True, start=(0.4, 0.0))
-        assert [swing.angle_rad[-1, 0], swing.angular_velocity_rad_s[-1, 0]] == pytest.approx(end, abs=1e-7)
+        assert [swing.angle_rad[-1, 0], swing.angular_velocity_rad_s[-1, 0]] == pytest.approx(
+            end, abs=1e-7
+        )
 
 
 def test_a_sudden_speed_kicks_the_load_by_speed_over_length():
-    run = Trajectory((polynomial(0.5, (0.0, 0.02)),))  # 0.02 m/s from the first instant, and a dead stop
+    run = Trajectory(
+        (polynomial(0.5, (0.0, 0.02)),)
+    )  # 0.02 m/s from the first instant, and a dead stop
     swing, w = replay(METRE, run), math.sqrt(G)
     angle, rate = swing_after(METRE, run)
     assert rate == pytest.approx(-0.02 * math.cos(0.5 * w) + 0.02, rel=1e-12)
     assert angle == pytest.approx(-0.02 / w * math.sin(0.5 * w), rel=1e-12)
-    assert [swing.angle_rad[-1, 0], swing.angular_velocity_rad_s[-1, 0]] == pytest.approx([angle[0], rate[0]], abs=1e-6)
+    assert [swing.angle_rad[-1, 0], swing.angular_velocity_rad_s[-1, 0]] == pytest.approx(
+        [angle[0], rate[0]], abs=1e-6
+    )
 
 
 def test_zero_distance_stands_still():
@@ -238,9 +273,16 @@ def test_a_move_goes_along_its_axis_only():
 def test_exceeded_limits_are_told_with_value_and_bound():
     free = plan("zv", problem_of())
     assert (free.status, free.reasons) == (Status.OK, ())
-    tight = plan("zv", problem_of(limits=Limits(speed_m_s=0.25, acceleration_m_s2=free.metrics.peak_acceleration_m_s2)))
+    tight = plan(
+        "zv",
+        problem_of(
+            limits=Limits(speed_m_s=0.25, acceleration_m_s2=free.metrics.peak_acceleration_m_s2)
+        ),
+    )
     assert tight.status is Status.OVER_LIMITS
-    assert tight.reasons == ("peak speed = 0.316077 m/s; limit 0.25 m/s: give the move more than time_s = 1.5",)
+    assert tight.reasons == (
+        "peak speed = 0.316077 m/s; limit 0.25 m/s: give the move more than time_s = 1.5",
+    )
 
 
 def test_the_planner_alone_is_timed_by_the_clock_it_is_given():
@@ -260,7 +302,9 @@ def test_the_state_space_is_the_slope_of_the_true_pendulum_at_rest():
 
     slopes = [(rates(h * e, 0.0) - rates(-h * e, 0.0)) / (2 * h) for e in np.eye(4)]
     np.testing.assert_allclose(space.a, np.array(slopes).T, atol=1e-9)
-    np.testing.assert_allclose(space.b[:, 0], (rates(np.zeros(4), h) - rates(np.zeros(4), -h)) / (2 * h), atol=1e-9)
+    np.testing.assert_allclose(
+        space.b[:, 0], (rates(np.zeros(4), h) - rates(np.zeros(4), -h)) / (2 * h), atol=1e-9
+    )
     assert space.b[3, 0] < 0.0  # the platform runs ahead of the load
 
 
@@ -276,11 +320,17 @@ def test_the_state_space_is_the_slope_of_the_true_pendulum_at_rest():
         ({"input": "acceleraton"}, "did you mean 'acceleration'"),
         ({"law": "harmonics"}, "did you mean 'harmonic'"),
         ({"robust": ("lenght",)}, "parameter in robust = 'lenght'; did you mean 'length'"),
-        ({"state_weights": {"angle_rad": -1.0}}, r"angle_rad in state_weights = -1\.0; must be 0 to"),
+        (
+            {"state_weights": {"angle_rad": -1.0}},
+            r"angle_rad in state_weights = -1\.0; must be 0 to",
+        ),
         ({"state_weights": {"angle": 1.0}}, "name in state_weights = 'angle'"),
         ({"input_weight": 0.0}, r"input_weight = 0\.0; must be 1e-12 to"),
         ({"input": "jerk", "lag_s": math.nan}, "lag_s = nan; must be 1e-06 to 1000"),
-        ({"start_state": {"angle": 0.1}}, "name in start_state = 'angle'; did you mean 'angle_rad'"),
+        (
+            {"start_state": {"angle": 0.1}},
+            "name in start_state = 'angle'; did you mean 'angle_rad'",
+        ),
         ({"goal_state": {"angle_rad": math.nan}}, "angle_rad in goal_state = nan"),
     ],
 )
@@ -304,7 +354,10 @@ def test_a_model_that_makes_no_sense_is_refused_by_name(bad, told):
 
 
 def test_other_mistakes_are_named():
-    with pytest.raises(PlanError, match=r"planner = 'zw'; did you mean 'zv'\? must be one of collocation, convolution"):
+    with pytest.raises(
+        PlanError,
+        match=r"planner = 'zw'; did you mean 'zv'\? must be one of collocation, convolution",
+    ):
         plan("zw", problem_of())
     with pytest.raises(PlanError, match="must be rest to rest"):
         plan("zv", problem_of(start_state={"angle_rad": 0.1}))
@@ -314,13 +367,17 @@ def test_other_mistakes_are_named():
 
 @pytest.mark.parametrize("name", CLOSED)
 def test_a_time_that_rounding_spoils_is_refused(name):
-    with pytest.raises(PlanError, match=f"{name} misses the end by .* m in time_s = 0.03; must be within 1e-09 of"):
+    with pytest.raises(
+        PlanError, match=f"{name} misses the end by .* m in time_s = 0.03; must be within 1e-09 of"
+    ):
         plan(name, problem_of(time_s=0.03))
 
 
 @pytest.mark.parametrize("time_s", [1e-300, 1e-9, 1e-3])
 def test_a_time_in_which_no_load_goes_anywhere_is_refused(time_s):
-    with pytest.raises(PlanError, match=r"periods of the load; must be >= 0\.01: give it more time"):
+    with pytest.raises(
+        PlanError, match=r"periods of the load; must be >= 0\.01: give it more time"
+    ):
         problem_of(time_s=time_s)
 
 

@@ -18,7 +18,11 @@ from planners.trajectories.pieces import ExpPolynomial, Mode, Smooth, polynomial
 from planners.trajectories.trajectory import Trajectory
 from tests.planners.lagrangian import CartAndChain
 
-TWO = ChainModel(links=parse_links("0.5:3.375:bar,0.5:3.375:bar"), stiffness_n_m_rad=(10.0,), joint_damping_n_m_s_rad=(0.05,))
+TWO = ChainModel(
+    links=parse_links("0.5:3.375:bar,0.5:3.375:bar"),
+    stiffness_n_m_rad=(10.0,),
+    joint_damping_n_m_s_rad=(0.05,),
+)
 THREE = ChainModel(
     links=parse_links("0.5:3:bar,0.3:0.5:point,0.4:2:bar"),
     stiffness_n_m_rad=(4.0, 2.0),
@@ -34,7 +38,10 @@ def truth_of(model):
         return CartAndChain(links=((model.length_m, model.mass_kg, "point"),))
     links = tuple((link.length_m, link.mass_kg, link.kind) for link in model.links)
     return CartAndChain(
-        links=links, springs=model.stiffness_n_m_rad, dampers=model.joint_damping_n_m_s_rad, tip=model.tip_mass_kg
+        links=links,
+        springs=model.stiffness_n_m_rad,
+        dampers=model.joint_damping_n_m_s_rad,
+        tip=model.tip_mass_kg,
     )
 
 
@@ -56,7 +63,9 @@ def general(model, trajectory, angles=None):
     return last.angles[-1]
 
 
-WAVE = ExpPolynomial(1.0, (0.0, 0.1), (Mode(complex(-0.5, 9.0), (0.03 + 0.01j,)), Mode(-40.0 + 0j, (0.01 + 0j,))))
+WAVE = ExpPolynomial(
+    1.0, (0.0, 0.1), (Mode(complex(-0.5, 9.0), (0.03 + 0.01j,)), Mode(-40.0 + 0j, (0.01 + 0j,)))
+)
 RAMP = Smooth(0.8, lambda t, order: 0.1 * (np.tanh(4 * t - 1.5), 4 / np.cosh(4 * t - 1.5) ** 2)[order] if order < 2
               else -3.2 * np.tanh(4 * t - 1.5) / np.cosh(4 * t - 1.5) ** 2, 2)  # fmt: skip
 
@@ -68,7 +77,11 @@ RAMP = Smooth(0.8, lambda t, order: 0.1 * (np.tanh(4 * t - 1.5), 4 / np.cosh(4 *
         (TWO, Trajectory((quintic(1.0, 2.0),)), (0.4, -0.3, 0.0, 0.5)),
         (TWO, split(quintic(0.5, 1.2), 20), (0.0, 0.0, 0.0, 0.0)),
         (TWO, Trajectory((WAVE, RAMP)), (0.0, 0.1, 0.0, 0.0)),
-        (THREE, Trajectory((quintic(0.3, 0.8), polynomial(0.2, (0.3,)))), (0.5, -0.5, 1.0, 0.0, 0.0, -1.0)),
+        (
+            THREE,
+            Trajectory((quintic(0.3, 0.8), polynomial(0.2, (0.3,)))),
+            (0.5, -0.5, 1.0, 0.0, 0.0, -1.0),
+        ),
         (ONE, Trajectory((quintic(1.0, 1.0), polynomial(2.0, (1.0,)))), (0.3, -0.4)),
     ],
     ids=["tables", "wild", "pieces", "modes", "three", "bar"],
@@ -79,7 +92,9 @@ def test_a_replay_agrees_with_scipy_on_an_independent_lagrangian(model, trajecto
     speeds = {"speed_before_m_s": before, "speed_after_m_s": after}
     swing = replay(model, trajectory, angles_rad=start[:n], rates_rad_s=start[n:], **speeds)
     np.testing.assert_allclose(swing.angle_rad[-1], end[:n], atol=1e-7 if n == 1 else 3e-9)
-    np.testing.assert_allclose(swing.angular_velocity_rad_s[-1], end[n:], atol=1e-6 if n == 1 else 3e-8)
+    np.testing.assert_allclose(
+        swing.angular_velocity_rad_s[-1], end[n:], atol=1e-6 if n == 1 else 3e-8
+    )
     assert swing.peak_rad() == pytest.approx(peak, rel=1e-6)
     assert swing.angle_rad.shape == swing.angular_velocity_rad_s.shape == (swing.t_s.size, n)
     assert (swing.t_s[0], swing.t_s[-1]) == pytest.approx((0.0, trajectory.duration_s), abs=1e-12)
@@ -87,10 +102,16 @@ def test_a_replay_agrees_with_scipy_on_an_independent_lagrangian(model, trajecto
 
 
 @settings(max_examples=12)
-@given(angles=st.lists(st.floats(-2.5, 2.5), min_size=3, max_size=3), rates=st.lists(st.floats(-3, 3), min_size=3, max_size=3))
+@given(
+    angles=st.lists(st.floats(-2.5, 2.5), min_size=3, max_size=3),
+    rates=st.lists(st.floats(-3, 3), min_size=3, max_size=3),
+)
 def test_an_undamped_load_under_a_still_platform_keeps_its_energy(angles, rates):
     model = ChainModel(links=THREE.links, stiffness_n_m_rad=(4.0, 2.0), tip_mass_kg=0.5)
-    swing, truth = replay(model, Trajectory.hold(0.3, 1.0), angles_rad=angles, rates_rad_s=rates), truth_of(model)
+    swing, truth = (
+        replay(model, Trajectory.hold(0.3, 1.0), angles_rad=angles, rates_rad_s=rates),
+        truth_of(model),
+    )
     picked = np.linspace(0, swing.t_s.size - 1, 9).astype(int)
     states = zip(swing.angle_rad[picked], swing.angular_velocity_rad_s[picked], strict=True)
     energies = [truth.energy(np.append(0.3, th), np.append(0.0, rate)) for th, rate in states]
@@ -111,7 +132,9 @@ def test_a_step_in_speed_is_an_impulse_at_the_pivot(model):
     swing = replay(model, run, angles_rad=angles, speed_before_m_s=0.0, speed_after_m_s=0.7)
     mass = truth_of(model).mass(np.append(0.0, angles))
     kick = -np.linalg.solve(mass[1:, 1:], mass[1:, 0] * 0.7)
-    np.testing.assert_allclose(swing.angular_velocity_rad_s, np.tile(kick, (swing.t_s.size, 1)), atol=1e-6)
+    np.testing.assert_allclose(
+        swing.angular_velocity_rad_s, np.tile(kick, (swing.t_s.size, 1)), atol=1e-6
+    )
     np.testing.assert_allclose(swing.angle_rad[-1], angles, atol=1e-8)
     back = replay(model, run, angles_rad=angles)
     np.testing.assert_allclose(back.angular_velocity_rad_s[-1], np.zeros(n), atol=1e-6)
@@ -122,7 +145,10 @@ def test_a_step_within_the_move_stands_twice_in_the_swing():
     for model in (METRE, TWO):
         swing = replay(model, run)
         twice = np.flatnonzero(np.isclose(swing.t_s, 0.3, atol=1e-12))
-        before, after = swing.angular_velocity_rad_s[twice[0], 0], swing.angular_velocity_rad_s[twice[-1], 0]
+        before, after = (
+            swing.angular_velocity_rad_s[twice[0], 0],
+            swing.angular_velocity_rad_s[twice[-1], 0],
+        )
         assert abs(before) < 1e-12
         assert after < -0.4
 
@@ -144,8 +170,13 @@ def test_a_chain_of_one_point_swings_like_the_pendulum(model, alike):
     start=st.floats(-0.5, 0.5),
     count=st.sampled_from([1, 3, 60]),
 )
-def test_one_link_in_plain_floats_agrees_with_the_way_of_several(length, zeta, distance, time_s, start, count):
-    model, run = PendulumModel(length_m=length, damping_ratio=zeta), split(quintic(distance, time_s), count)
+def test_one_link_in_plain_floats_agrees_with_the_way_of_several(
+    length, zeta, distance, time_s, start, count
+):
+    model, run = (
+        PendulumModel(length_m=length, damping_ratio=zeta),
+        split(quintic(distance, time_s), count),
+    )
     fast = replay(model, run, angles_rad=start)
     np.testing.assert_allclose(fast.angle_rad[-1], general(model, run, [start]), atol=1e-7)
 
@@ -167,7 +198,11 @@ def test_a_short_bent_piece_is_resolved_however_slow_the_load(model):
 
 def test_a_bent_path_peaks_between_its_steps():
     t = np.linspace(0.0, 2.0, 41)
-    swing = Swing(t, np.column_stack([np.sin(t), -1.1 * np.sin(t + 0.3)]), np.column_stack([np.cos(t), -1.1 * np.cos(t + 0.3)]))
+    swing = Swing(
+        t,
+        np.column_stack([np.sin(t), -1.1 * np.sin(t + 0.3)]),
+        np.column_stack([np.cos(t), -1.1 * np.cos(t + 0.3)]),
+    )
     assert np.abs(swing.angle_rad).max() < 1.1 - 1e-5
     assert swing.peak_rad() == pytest.approx(1.1, rel=2e-8)
     still = Swing(t, np.full((41, 1), -0.2), np.zeros((41, 1)))
@@ -179,8 +214,14 @@ def test_a_bent_path_peaks_between_its_steps():
 @pytest.mark.parametrize(
     ("bad", "told"),
     [
-        ({"angles_rad": [0.1]}, r"angles_rad = \[0\.1\]; must be 2 finite numbers, one for each link"),
-        ({"rates_rad_s": [0.1, math.nan]}, r"rates_rad_s = \[0\.1, nan\]; must be 2 finite numbers"),
+        (
+            {"angles_rad": [0.1]},
+            r"angles_rad = \[0\.1\]; must be 2 finite numbers, one for each link",
+        ),
+        (
+            {"rates_rad_s": [0.1, math.nan]},
+            r"rates_rad_s = \[0\.1, nan\]; must be 2 finite numbers",
+        ),
         ({"angles_rad": [0.0, 0.0, 0.0]}, "must be 2 finite numbers"),
         (
             {"rates_rad_s": [1e9, -1e9]},
@@ -195,7 +236,10 @@ def test_a_start_that_makes_no_sense_is_refused_by_name(bad, told):
 
 def test_a_load_that_is_thrown_too_fast_to_follow_is_refused():
     run = Trajectory((quintic(1e6, 0.1),))
-    with pytest.raises(PlanError, match=r"the load spins away in the piece that begins at 0 s, at a speed of .* m/s"):
+    with pytest.raises(
+        PlanError,
+        match=r"the load spins away in the piece that begins at 0 s, at a speed of .* m/s",
+    ):
         replay(METRE, run)
     with pytest.raises(PlanError, match="asks for steps of"):
         replay(TWO, run)
@@ -214,7 +258,11 @@ def mjcf_of(model):
     open_, close = "", ""
     for i, link in enumerate(model.links):
         drop = model.links[i - 1].length_m if i else 0.0
-        joint = (model.stiffness_n_m_rad[i - 1], model.joint_damping_n_m_s_rad[i - 1]) if i else (0.0, 0.0)
+        joint = (
+            (model.stiffness_n_m_rad[i - 1], model.joint_damping_n_m_s_rad[i - 1])
+            if i
+            else (0.0, 0.0)
+        )
         middle = link.length_m / 2 if link.kind == "bar" else link.length_m
         inertia = link.mass_kg * link.length_m**2 / 12 if link.kind == "bar" else 1e-9
         open_ += (
@@ -239,7 +287,9 @@ def test_a_replay_agrees_with_mujoco(model):
     piece, start = quintic(0.5, time_s), np.array([0.3, -0.4, 0.5])[:n]
     data.qpos[1:] = np.diff(start, prepend=0.0)
 
-    def push(_, data):  # a cart of ten thousand tonnes goes where its force says, whatever the load does
+    def push(
+        _, data
+    ):  # a cart of ten thousand tonnes goes where its force says, whatever the load does
         data.qfrc_applied[0] = 1e7 * float(piece.at(np.asarray(data.time), 2))
 
     mujoco.set_mjcb_control(push)
@@ -250,5 +300,7 @@ def test_a_replay_agrees_with_mujoco(model):
         mujoco.set_mjcb_control(None)
     swing = replay(model, Trajectory((piece,)), angles_rad=start)
     np.testing.assert_allclose(swing.angle_rad[-1], np.cumsum(data.qpos[1:]), atol=1e-5)
-    np.testing.assert_allclose(swing.angular_velocity_rad_s[-1], np.cumsum(data.qvel[1:]), atol=1e-4)
+    np.testing.assert_allclose(
+        swing.angular_velocity_rad_s[-1], np.cumsum(data.qvel[1:]), atol=1e-4
+    )
     assert data.qpos[0] == pytest.approx(0.5, abs=1e-5)

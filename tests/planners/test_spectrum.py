@@ -34,10 +34,19 @@ ONE = MassChain(masses_kg=(1.0,), stiffnesses_n_m=(100.0,), dampings_n_s_m=(2.0,
 numbers = st.floats(-2, 2)
 polynomials = st.builds(polynomial, st.floats(0.2, 2.0), st.lists(numbers, min_size=1, max_size=7))
 waves = st.lists(
-    st.builds(lambda s, w, a: Mode(complex(s, w), (a + 0.3j,)), st.floats(-2, 1), st.floats(0.1, 30), numbers), max_size=2
+    st.builds(
+        lambda s, w, a: Mode(complex(s, w), (a + 0.3j,)),
+        st.floats(-2, 1),
+        st.floats(0.1, 30),
+        numbers,
+    ),
+    max_size=2,
 )
 curves = st.builds(
-    lambda d, c, m: ExpPolynomial(d, tuple(c), tuple(m)), st.floats(0.2, 2.0), st.lists(numbers, min_size=1, max_size=5), waves
+    lambda d, c, m: ExpPolynomial(d, tuple(c), tuple(m)),
+    st.floats(0.2, 2.0),
+    st.lists(numbers, min_size=1, max_size=5),
+    waves,
 )
 
 
@@ -58,7 +67,10 @@ def by_quadrature(trajectory, rate, origin_s=0.0):
     total, speed = 0j, 0.0
     for begin, piece in zip(trajectory.breaks_s.tolist(), trajectory.pieces, strict=False):
         total += (float(piece.at(np.zeros(()), 1)) - speed) * np.exp(-rate * (begin - origin_s))
-        total += integral(lambda t, p=piece, b=begin: p.at(t, 2) * np.exp(-rate * (t + b - origin_s)), piece.duration_s)
+        total += integral(
+            lambda t, p=piece, b=begin: p.at(t, 2) * np.exp(-rate * (t + b - origin_s)),
+            piece.duration_s,
+        )
         speed = float(piece.at(np.asarray(piece.duration_s), 1))
     return total - speed * np.exp(-rate * (trajectory.duration_s - origin_s))
 
@@ -79,25 +91,46 @@ def test_every_law_s_spectrum_agrees_with_a_numerical_transform(name):
 
 @pytest.mark.parametrize("name", SPECTRA)
 def test_closed_forms_and_trajectories_have_one_spectrum_also_where_a_formula_divides_by_zero(name):
-    cycles = np.concatenate([np.linspace(-8.0, 60.0, 2001), np.arange(0.0, 20.0, 0.5), [1e-9, 1.0 + 1e-9, 0.5 - 1e-12]])
-    np.testing.assert_allclose(law_spectrum(name, cycles), spectrum_by_cycles(LAWS[name](1.0), cycles), atol=1e-13)
+    cycles = np.concatenate(
+        [np.linspace(-8.0, 60.0, 2001), np.arange(0.0, 20.0, 0.5), [1e-9, 1.0 + 1e-9, 0.5 - 1e-12]]
+    )
+    np.testing.assert_allclose(
+        law_spectrum(name, cycles), spectrum_by_cycles(LAWS[name](1.0), cycles), atol=1e-13
+    )
 
 
 def test_the_printed_spectrum_of_the_cubic_lacks_a_phase():
     cycles = np.array(DATA["misprint_cubic"]["cycles"])
-    printed = 6 / (math.pi**3 * cycles**2) * np.sqrt(1 + (math.pi * cycles) ** 2) * np.abs(np.sin(math.pi * cycles))
-    np.testing.assert_allclose(printed / polynomial_spectrum(1, cycles), DATA["misprint_cubic"]["ratio"], rtol=5e-3)
+    printed = (
+        6
+        / (math.pi**3 * cycles**2)
+        * np.sqrt(1 + (math.pi * cycles) ** 2)
+        * np.abs(np.sin(math.pi * cycles))
+    )
+    np.testing.assert_allclose(
+        printed / polynomial_spectrum(1, cycles), DATA["misprint_cubic"]["ratio"], rtol=5e-3
+    )
 
 
 def test_a_slow_load_sees_of_every_law_the_distance_alone():
     for name in LAWS:
-        assert law_spectrum(name, 1e-4, distance_m=-3.0, duration_s=2.0) == pytest.approx(2e-4 * 3.0 / 2.0, rel=1e-6)
+        assert law_spectrum(name, 1e-4, distance_m=-3.0, duration_s=2.0) == pytest.approx(
+            2e-4 * 3.0 / 2.0, rel=1e-6
+        )
 
 
 def test_the_printed_forms_of_trapezoid_and_double_s_are_products_of_averages():
     a, b, x = 0.25, 0.2, np.array([0.3, 1.7, 2.9, 11.2])
-    trapezoid = 2 / ((1 - a) * a * math.pi**2 * x) * np.abs(np.sin((1 - a) * math.pi * x) * np.sin(a * math.pi * x))
-    sines = np.sin((1 - a) * math.pi * x) * np.sin(a * (1 - b) * math.pi * x) * np.sin(a * b * math.pi * x)
+    trapezoid = (
+        2
+        / ((1 - a) * a * math.pi**2 * x)
+        * np.abs(np.sin((1 - a) * math.pi * x) * np.sin(a * math.pi * x))
+    )
+    sines = (
+        np.sin((1 - a) * math.pi * x)
+        * np.sin(a * (1 - b) * math.pi * x)
+        * np.sin(a * b * math.pi * x)
+    )
     double_s = 2 / (a**2 * b * (1 - a) * (1 - b) * math.pi**3 * x**2) * np.abs(sines)
     np.testing.assert_allclose(rect_spectrum((1 - a, a), x), trapezoid, atol=1e-15)
     np.testing.assert_allclose(rect_spectrum((1 - a, a * (1 - b), a * b), x), double_s, atol=1e-15)
@@ -108,8 +141,13 @@ def test_the_printed_forms_of_trapezoid_and_double_s_are_products_of_averages():
 def test_the_transform_of_any_pieces_agrees_with_quadrature(pieces, damping, frequency):
     trajectory, rate = Trajectory(tuple(pieces)), complex(damping, frequency)
     origin = trajectory.duration_s if damping < 0 else 0.0
-    scale = 1.0 + sum(abs(p.at(np.linspace(0, p.duration_s, 50), k)).max() for p in pieces for k in (1, 2))
-    assert abs(transform(trajectory, rate, origin) - by_quadrature(trajectory, rate, origin)) < 1e-11 * scale
+    scale = 1.0 + sum(
+        abs(p.at(np.linspace(0, p.duration_s, 50), k)).max() for p in pieces for k in (1, 2)
+    )
+    assert (
+        abs(transform(trajectory, rate, origin) - by_quadrature(trajectory, rate, origin))
+        < 1e-11 * scale
+    )
 
 
 @settings(max_examples=25)
@@ -117,7 +155,10 @@ def test_the_transform_of_any_pieces_agrees_with_quadrature(pieces, damping, fre
 def test_a_smooth_piece_has_the_spectrum_of_the_closed_form_it_copies(piece, frequency):
     trajectory = Trajectory((piece,))
     scale = 1.0 + np.abs(piece.at(np.linspace(0, piece.duration_s, 50), 2)).max()
-    assert abs(spectrum(smooth_twin(trajectory), frequency) - spectrum(trajectory, frequency)) < 1e-12 * scale
+    assert (
+        abs(spectrum(smooth_twin(trajectory), frequency) - spectrum(trajectory, frequency))
+        < 1e-12 * scale
+    )
 
 
 @settings(max_examples=25)
@@ -136,10 +177,15 @@ def test_played_faster_a_motion_has_its_spectrum_stretched_and_raised(pieces, fa
     )
     v = spectrum(trajectory, np.linspace(0.0, frequency, 5) / faster)
     np.testing.assert_allclose(
-        spectrum(hastened, np.linspace(0.0, frequency, 5)), faster * v, rtol=1e-9, atol=1e-11 * (1 + v.max() * faster)
+        spectrum(hastened, np.linspace(0.0, frequency, 5)),
+        faster * v,
+        rtol=1e-9,
+        atol=1e-11 * (1 + v.max() * faster),
     )
     np.testing.assert_allclose(
-        spectrum(trajectory.scaled(-2.5), frequency), 2.5 * spectrum(trajectory, frequency), atol=1e-11 * (1 + v.max())
+        spectrum(trajectory.scaled(-2.5), frequency),
+        2.5 * spectrum(trajectory, frequency),
+        atol=1e-11 * (1 + v.max()),
     )
 
 
@@ -158,7 +204,9 @@ def test_a_rate_that_is_no_number_or_outgrows_all_numbers_is_refused():
         transform(law, [1j, math.nan])
     with pytest.raises(PlanError, match=r"exp\(2000\); must be <= exp\(700\): set origin_s"):
         transform(law, -2000.0)
-    assert transform(law, -2000.0, 1.0) == pytest.approx(by_quadrature(law, -2000.0, 1.0), abs=1e-14)
+    assert transform(law, -2000.0, 1.0) == pytest.approx(
+        by_quadrature(law, -2000.0, 1.0), abs=1e-14
+    )
 
 
 def test_unknown_laws_durations_and_shares_are_refused():
@@ -194,12 +242,16 @@ def test_enough_harmonics_add_up_to_the_acceleration_pauses_included():
 def test_a_motion_that_goes_on_with_the_speed_it_began_with_has_no_impulse_at_its_period():
     turn = Trajectory((ExpPolynomial(1.0, (0.0, 2.0), (Mode(2j * math.pi, (0.1 + 0j,)),)),))
     found = harmonics(turn, 3)
-    np.testing.assert_allclose(found.amplitudes_m_s2, [0.0, 0.1 * 4 * math.pi**2, 0.0, 0.0], atol=1e-13)
+    np.testing.assert_allclose(
+        found.amplitudes_m_s2, [0.0, 0.1 * 4 * math.pi**2, 0.0, 0.0], atol=1e-13
+    )
     assert abs(found.phases_rad[1]) == pytest.approx(math.pi)
 
 
 def test_a_period_shorter_than_the_motion_or_a_negative_count_is_refused():
-    with pytest.raises(PlanError, match=r"period_s = 0\.9 of a motion; must be finite and >= its 1\.0 s"):
+    with pytest.raises(
+        PlanError, match=r"period_s = 0\.9 of a motion; must be finite and >= its 1\.0 s"
+    ):
         harmonics(LAWS["cubic"](1.0), 3, period_s=0.9)
     with pytest.raises(PlanError, match="count = -1"):
         harmonics(LAWS["cubic"](1.0), -1)
@@ -207,13 +259,21 @@ def test_a_period_shorter_than_the_motion_or_a_negative_count_is_refused():
 
 def test_swing_free_durations_are_those_of_the_table():
     for name, values in DATA["swing_free"].items():
-        np.testing.assert_allclose(swing_free_cycles(LAWS[name](0.7))[:3], values, atol=6e-7, err_msg=name)
+        np.testing.assert_allclose(
+            swing_free_cycles(LAWS[name](0.7))[:3], values, atol=6e-7, err_msg=name
+        )
 
 
 def test_swing_free_durations_with_a_closed_form_are_met_to_1e_12():
-    np.testing.assert_allclose(swing_free_cycles(LAWS["harmonic"](1.0), 9.0), np.arange(1.5, 9.0), atol=1e-12)
-    np.testing.assert_allclose(swing_free_cycles(LAWS["cycloidal"](3.0), 40.0), np.arange(2.0, 40.5), atol=1e-12)
-    np.testing.assert_allclose(swing_free_cycles(LAWS["gutman_1_3"](1.0), 4.0), [2.0, math.sqrt(6.0), 4.0], atol=1e-12)
+    np.testing.assert_allclose(
+        swing_free_cycles(LAWS["harmonic"](1.0), 9.0), np.arange(1.5, 9.0), atol=1e-12
+    )
+    np.testing.assert_allclose(
+        swing_free_cycles(LAWS["cycloidal"](3.0), 40.0), np.arange(2.0, 40.5), atol=1e-12
+    )
+    np.testing.assert_allclose(
+        swing_free_cycles(LAWS["gutman_1_3"](1.0), 4.0), [2.0, math.sqrt(6.0), 4.0], atol=1e-12
+    )
     for n, name in ((1, "cubic"), (2, "quintic"), (3, "septic")):
         zeros = swing_free_cycles(LAWS[name](1.0), 12.0)
         wave = spherical_jn(n, math.pi * np.linspace(0.1, 12.0, 5000))
@@ -222,8 +282,12 @@ def test_swing_free_durations_with_a_closed_form_are_met_to_1e_12():
 
 
 def test_multiple_zeros_are_found_once_and_exactly():
-    np.testing.assert_allclose(swing_free_cycles(LAWS["triangular"](1.0), 20.0), np.arange(2.0, 21.0, 2.0), atol=1e-12)
-    np.testing.assert_allclose(swing_free_cycles(LAWS["double_s"](1.0), 6.0), [1.5, 3.0, 4.5, 6.0], atol=1e-12)  # 6: triple
+    np.testing.assert_allclose(
+        swing_free_cycles(LAWS["triangular"](1.0), 20.0), np.arange(2.0, 21.0, 2.0), atol=1e-12
+    )
+    np.testing.assert_allclose(
+        swing_free_cycles(LAWS["double_s"](1.0), 6.0), [1.5, 3.0, 4.5, 6.0], atol=1e-12
+    )  # 6: triple
 
 
 @settings(max_examples=15)
@@ -240,13 +304,17 @@ def test_a_double_s_is_swing_free_when_one_of_its_three_averages_lasts_whole_per
 def test_a_move_there_and_back_has_its_own_swing_free_durations():
     """The way back cancels the way out whenever it begins whole periods later."""
     back = LAWS["cubic"](1.0).then(LAWS["cubic"](1.0).scaled(-1.0).shifted(1.0))
-    expected = np.sort([*np.arange(2.0, 8.5, 2.0), *(2 * swing_free_cycles(LAWS["cubic"](1.0), 4.0))])
+    expected = np.sort(
+        [*np.arange(2.0, 8.5, 2.0), *(2 * swing_free_cycles(LAWS["cubic"](1.0), 4.0))]
+    )
     np.testing.assert_allclose(swing_free_cycles(back, 8.0), expected, atol=1e-12)
 
 
 def test_a_motion_with_unlike_halves_is_swing_free_only_where_each_of_them_is():
     thirds = Trajectory((polynomial(0.3, (0, 0, 1.0)), polynomial(0.6, (0.09, 0.6, -0.5))))
-    np.testing.assert_allclose(swing_free_cycles(thirds, 5.9), [3.0], atol=1e-12)  # one period up, two down
+    np.testing.assert_allclose(
+        swing_free_cycles(thirds, 5.9), [3.0], atol=1e-12
+    )  # one period up, two down
     tenths = Trajectory((polynomial(0.3, (0, 0, 0.7)), polynomial(0.7, (0.063, 0.42, -0.3))))
     assert swing_free_cycles(tenths, 9.0).size == 0
 
@@ -281,16 +349,25 @@ def test_the_source_s_mass_answers_as_computed():
 def test_amplitudes_after_a_move_are_those_of_the_table():
     table = DATA["amplitude"]
     for damping, key in ((0.0, "undamped_m"), (2.0, "damped_m")):
-        load = MassChain(masses_kg=(1.0,), stiffnesses_n_m=(100.0,), dampings_n_s_m=(damping,)).modal
-        found = [[float(residual(load, LAWS[n](t).scaled(15.0))[0]) for n in table["laws"]] for t in table["durations_s"]]
-        np.testing.assert_allclose(found, table[key], rtol=1e-5)  # the table's own simulation is good to 6e-6
+        load = MassChain(
+            masses_kg=(1.0,), stiffnesses_n_m=(100.0,), dampings_n_s_m=(damping,)
+        ).modal
+        found = [
+            [float(residual(load, LAWS[n](t).scaled(15.0))[0]) for n in table["laws"]]
+            for t in table["durations_s"]
+        ]
+        np.testing.assert_allclose(
+            found, table[key], rtol=1e-5
+        )  # the table's own simulation is good to 6e-6
 
 
 def test_an_undamped_load_keeps_pi_v_over_w():
     load = MassChain(masses_kg=(2.0,), stiffnesses_n_m=(50.0,)).modal
     for name in LAWS:
         law = LAWS[name](1.1)
-        assert float(residual(load, law)[0]) == pytest.approx(math.pi * float(spectrum(law, 5.0)) / 5.0, rel=1e-12)
+        assert float(residual(load, law)[0]) == pytest.approx(
+            math.pi * float(spectrum(law, 5.0)) / 5.0, rel=1e-12
+        )
 
 
 def by_dop853(chain, trajectory, t_s):
@@ -305,9 +382,23 @@ def by_dop853(chain, trajectory, t_s):
         state[n:] -= float(piece.at(np.zeros(()), 1)) - speed
 
         def rates(t, x, piece=piece):
-            return [*x[n:], *(-float(piece.at(np.asarray(t), 2)) - (force[0] @ x[:n] + force[1] @ x[n:]) / masses)]
+            return [
+                *x[n:],
+                *(
+                    -float(piece.at(np.asarray(t), 2))
+                    - (force[0] @ x[:n] + force[1] @ x[n:]) / masses
+                ),
+            ]
 
-        done = solve_ivp(rates, (0.0, piece.duration_s), state, "DOP853", rtol=1e-11, atol=1e-13, dense_output=True)
+        done = solve_ivp(
+            rates,
+            (0.0, piece.duration_s),
+            state,
+            "DOP853",
+            rtol=1e-11,
+            atol=1e-13,
+            dense_output=True,
+        )
         inside = (t_s >= begin) & (t_s <= begin + piece.duration_s)
         out[:, inside] = done.sol(t_s[inside] - begin)[:n]
         state, speed = done.y[:, -1].copy(), float(piece.at(np.asarray(piece.duration_s), 1))
@@ -316,8 +407,14 @@ def by_dop853(chain, trajectory, t_s):
 
 CHAINS = {
     "undamped": MassChain(masses_kg=(1.0, 2.0, 0.5), stiffnesses_n_m=(100.0, 300.0, 50.0)),
-    "damped": MassChain(masses_kg=(1.0, 2.0, 0.5), stiffnesses_n_m=(100.0, 300.0, 50.0), dampings_n_s_m=(0.3, 4.0, 0.1)),
-    "overdamped": MassChain(masses_kg=(1.0, 0.2), stiffnesses_n_m=(40.0, 10.0), dampings_n_s_m=(30.0, 9.0)),
+    "damped": MassChain(
+        masses_kg=(1.0, 2.0, 0.5),
+        stiffnesses_n_m=(100.0, 300.0, 50.0),
+        dampings_n_s_m=(0.3, 4.0, 0.1),
+    ),
+    "overdamped": MassChain(
+        masses_kg=(1.0, 0.2), stiffnesses_n_m=(40.0, 10.0), dampings_n_s_m=(30.0, 9.0)
+    ),
 }
 
 
@@ -347,7 +444,9 @@ def test_a_smooth_motion_is_answered_like_the_closed_form_it_copies():
     for name in ("septic", "cycloidal", "modified_sine"):
         law, t = LAWS[name](1.2), np.linspace(0.0, 2.0, 50)
         for z, twin in zip(
-            response(CHAINS["damped"].modal, law, 0.8), response(CHAINS["damped"].modal, smooth_twin(law), 0.8), strict=True
+            response(CHAINS["damped"].modal, law, 0.8),
+            response(CHAINS["damped"].modal, smooth_twin(law), 0.8),
+            strict=True,
         ):
             np.testing.assert_allclose(twin.at(t), z.at(t), atol=1e-12)
 

@@ -39,7 +39,12 @@ DATA = tomllib.loads((Path(__file__).parents[1] / "data" / "splines.toml").read_
 CASE = DATA["case"]
 LIMITS = AxisLimits(speed_m_s=CASE["speed_m_s"], acceleration_m_s2=CASE["acceleration_m_s2"])
 RESTING = ("cubic", "four_three_four", "b_spline_4", "b_spline_5")
-CONTINUOUS = {"cubic": 1, "four_three_four": 2, "b_spline_4": 2, "b_spline_5": 2}  # against rest at both ends
+CONTINUOUS = {
+    "cubic": 1,
+    "four_three_four": 2,
+    "b_spline_4": 2,
+    "b_spline_5": 2,
+}  # against rest at both ends
 SMOOTH = {"cubic": 2, "four_three_four": 2, "b_spline_4": 3, "b_spline_5": 4}  # inside
 
 gaps = st.lists(st.floats(0.2, 3.0), min_size=2, max_size=7)
@@ -65,7 +70,9 @@ def test_powers_of_time_amplify_rounding_as_printed_and_centred_chebyshev_polyno
     n, tolerance = table["points"][row], table["tolerance"][row]
     found = conditioning(n)
     assert found.powers == pytest.approx(table["printed"][row], rel=tolerance)
-    assert found.powers == pytest.approx(table["right"][row], rel=1e-10 if n <= 6 else 1e-9 if n == 10 else 5e-2)
+    assert found.powers == pytest.approx(
+        table["right"][row], rel=1e-10 if n <= 6 else 1e-9 if n == 10 else 5e-2
+    )
     assert found.chebyshev < found.centred < found.powers
 
 
@@ -86,7 +93,9 @@ def test_twenty_points_of_a_low_degree_give_that_polynomial_back_with_its_deriva
     move = n_point(t, p(t - 50.0))
     for order in range(4):
         x = np.linspace(0.0, 4.0, 77)
-        np.testing.assert_allclose(move.at(x, order), (p.deriv(order) if order else p)(x), atol=1e-7)
+        np.testing.assert_allclose(
+            move.at(x, order), (p.deriv(order) if order else p)(x), atol=1e-7
+        )
     assert move.peak(1).value == pytest.approx(abs(p.deriv()(4.0)), rel=1e-9)
 
 
@@ -98,7 +107,9 @@ def test_the_seven_point_cubic_is_the_one_of_the_source_and_its_printed_digits_a
     rows = np.array([piece.coefficients for piece in move.pieces])
     np.testing.assert_allclose(rows, d["coefficients_right"], atol=6e-6)
     cut = np.abs(rows) - np.abs(d["coefficients_printed"])
-    assert np.all((cut > -1e-3) & (cut < 0.0305))  # 3.43033 is printed as 3.4; 0.33901, alone, is rounded up
+    assert np.all(
+        (cut > -1e-3) & (cut < 0.0305)
+    )  # 3.43033 is printed as 3.4; 0.33901, alone, is rounded up
     np.testing.assert_allclose(move.at(d["t_s"], 2)[:-1], d["accelerations_right"][:-1], atol=6e-9)
     assert tuple(move.peak(1)) == pytest.approx(d["speed_peak"], rel=1e-5)
     assert tuple(move.peak(2)) == pytest.approx(d["acceleration_peak"], rel=1e-6)
@@ -115,8 +126,13 @@ def test_the_printed_misprint_of_the_third_speed_is_not_a_rounding():
 def test_the_printed_cubic_misses_its_points():
     d = DATA["cubic"]
     h = np.diff(d["t_s"])
-    ends = [np.polynomial.polynomial.polyval(x, c) for x, c in zip(h, d["coefficients_printed"], strict=True)]
-    assert np.abs(np.array(ends) - d["q_m"][1:]).max() == pytest.approx(d["miss_of_printed_m"], abs=0.005)
+    ends = [
+        np.polynomial.polynomial.polyval(x, c)
+        for x, c in zip(h, d["coefficients_printed"], strict=True)
+    ]
+    assert np.abs(np.array(ends) - d["q_m"][1:]).max() == pytest.approx(
+        d["miss_of_printed_m"], abs=0.005
+    )
 
 
 @settings(max_examples=40, deadline=None)
@@ -159,7 +175,12 @@ def test_splines_meet_points_and_end_conditions_without_steps(path, start, end):
 
 
 def test_a_four_three_four_spline_solves_the_full_system_of_its_conditions():
-    t, q, start, end = np.array([0.0, 0.7, 1.9, 2.4, 4.0]), [1.0, -0.5, 2.0, 0.3, 0.9], End(0.4, -1.0), End(-0.3, 0.8)
+    t, q, start, end = (
+        np.array([0.0, 0.7, 1.9, 2.4, 4.0]),
+        [1.0, -0.5, 2.0, 0.3, 0.9],
+        End(0.4, -1.0),
+        End(-0.3, 0.8),
+    )
     degrees, h = [4, 3, 3, 4], np.diff(t)
     first = np.concatenate([[0], np.cumsum(np.array(degrees) + 1)])
     rows, right = [], []
@@ -183,7 +204,9 @@ def test_a_four_three_four_spline_solves_the_full_system_of_its_conditions():
     assert len(rows) == 4 * 5 - 2 == first[-1]
     x = np.linalg.solve(np.array(rows), right)
     for k, piece in enumerate(four_three_four(t, q, start, end).pieces):
-        np.testing.assert_allclose(piece.coefficients[: degrees[k] + 1], x[first[k] : first[k + 1]], atol=1e-12)
+        np.testing.assert_allclose(
+            piece.coefficients[: degrees[k] + 1], x[first[k] : first[k + 1]], atol=1e-12
+        )
 
 
 def test_the_quintic_b_spline_is_the_one_scipy_makes_with_its_own_knots():
@@ -227,7 +250,9 @@ def test_the_case_study_has_the_peaks_of_the_reference(law):
     for k, power in enumerate(ALLOCATIONS[name] for name in ("equal", "proportional", "root")):
         times = np.concatenate([[0.0], np.cumsum(allocate(CASE["points"], 11.0, power))])
         move = SPLINES[law](times, CASE["points"])
-        assert [move.peak(order).value for order in (1, 2)] == pytest.approx([row[k] for row in CASE["peaks"][law]], abs=6e-4)
+        assert [move.peak(order).value for order in (1, 2)] == pytest.approx(
+            [row[k] for row in CASE["peaks"][law]], abs=6e-4
+        )
 
 
 def test_the_b_spline_accelerates_less_than_the_four_three_four_spline_though_the_source_says_more():
@@ -302,7 +327,10 @@ def test_the_root_allocation_gives_the_least_acceleration_and_equal_times_the_la
     least, largest = 0, 0
     for _ in range(40):
         q = rng.uniform(size=8)
-        moves = {name: four_three_four([0.0, *np.cumsum(allocate(q, 7.0, p))], q) for name, p in ALLOCATIONS.items()}
+        moves = {
+            name: four_three_four([0.0, *np.cumsum(allocate(q, 7.0, p))], q)
+            for name, p in ALLOCATIONS.items()
+        }
         least += min(moves, key=lambda name: moves[name].peak(2).value) == "root"
         largest += min(moves, key=lambda name: moves[name].peak(1).value) != "equal"
     assert least >= 28
@@ -313,7 +341,9 @@ def example30(rounded):
     """The worked example of source 003; rounded is its own switch: durations to 0.01 s, ties down."""
     d = DATA["example30"]
     segments, first = [], 0
-    for k, (kind, count, total) in enumerate(zip(d["kinds"], d["counts"], d["totals_s"], strict=True)):
+    for k, (kind, count, total) in enumerate(
+        zip(d["kinds"], d["counts"], d["totals_s"], strict=True)
+    ):
         q = d["points"][first : first + count]
         first += count - 1
         if kind == "straight":
@@ -328,10 +358,15 @@ def example30(rounded):
 def test_the_thirty_point_example_has_every_printed_digit_with_its_rounded_durations():
     d = DATA["example30"]
     segments = example30(rounded=True)
-    h = [x for s in segments for x in ([s.duration_s] if isinstance(s, Straight) else s.durations_s)]
+    h = [
+        x for s in segments for x in ([s.duration_s] if isinstance(s, Straight) else s.durations_s)
+    ]
     np.testing.assert_allclose(h, d["durations_rounded_s"], atol=1e-12)
     move = chain(segments)
-    limits = AxisLimits(position_min_m=min(d["points"]) - d["margin_m"], position_max_m=max(d["points"]) + d["margin_m"])
+    limits = AxisLimits(
+        position_min_m=min(d["points"]) - d["margin_m"],
+        position_max_m=max(d["points"]) + d["margin_m"],
+    )
     found = analyse(move, limits=limits)
     assert found.duration_s == pytest.approx(30.0, abs=1e-12)
     peaks = found.speed_m_s, found.acceleration_m_s2
@@ -340,7 +375,9 @@ def test_the_thirty_point_example_has_every_printed_digit_with_its_rounded_durat
     assert [p.interval for p in peaks] == d["intervals"]
     assert found.speed_m_s.low == -found.speed_m_s.peak
     assert [p.rms for p in (found.position_m, *peaks)] == pytest.approx(d["rms_rounded"], abs=6e-8)
-    assert (found.position_m.low, found.position_m.high) == pytest.approx(d["extent_rounded_m"], abs=6e-7)
+    assert (found.position_m.low, found.position_m.high) == pytest.approx(
+        d["extent_rounded_m"], abs=6e-7
+    )
     assert len(found.warnings) == 1
     assert "position_m reaches 3.25796; must be <= 3" in found.warnings[0]
 
@@ -369,19 +406,27 @@ def test_each_segment_of_the_example_has_its_own_peaks():
 
 @pytest.mark.parametrize("law", ["four_three_four", "b_spline_4", "b_spline_5"])
 def test_a_spline_fits_between_a_dwell_and_a_constant_speed(law):
-    move = chain([dwell(0.2, 1.0), Spline([0.2, 0.3, 0.7], [0.5, 0.8], law=law), Straight(0.7, 1.0, 0.6)])
+    move = chain(
+        [dwell(0.2, 1.0), Spline([0.2, 0.3, 0.7], [0.5, 0.8], law=law), Straight(0.7, 1.0, 0.6)]
+    )
     assert move.at([0.5, 2.5], 1) == pytest.approx([0.0, 0.5])
     for order in range(3):
         assert np.abs(steps(move, order)).max() < 1e-12
 
 
 def test_two_straight_segments_of_one_speed_may_follow_each_other():
-    assert chain([Straight(0.0, 1.0, 0.1), Straight(1.0, 4.0, 0.3)]).peak(1).value == pytest.approx(10.0)
+    assert chain([Straight(0.0, 1.0, 0.1), Straight(1.0, 4.0, 0.3)]).peak(1).value == pytest.approx(
+        10.0
+    )
 
 
 def test_a_peak_at_a_step_belongs_to_the_side_that_has_it():
-    late = Trajectory(Polynomials(np.array([1.0, 1.0]), np.array([[0.0, 1.0, 0.0], [1.0, 1.0, 2.0]])))
-    early = Trajectory(Polynomials(np.array([1.0, 1.0]), np.array([[0.0, 1.0, 2.0], [3.0, 5.0, 0.0]])))
+    late = Trajectory(
+        Polynomials(np.array([1.0, 1.0]), np.array([[0.0, 1.0, 0.0], [1.0, 1.0, 2.0]]))
+    )
+    early = Trajectory(
+        Polynomials(np.array([1.0, 1.0]), np.array([[0.0, 1.0, 2.0], [3.0, 5.0, 0.0]]))
+    )
     assert analyse(late).acceleration_m_s2[2:5] == (4.0, 1.0, 1)
     assert analyse(early).speed_m_s[2:5] == (5.0, 1.0, 0)
     assert analyse(late).speed_m_s[2:5] == (5.0, 2.0, 1)
@@ -390,7 +435,11 @@ def test_a_peak_at_a_step_belongs_to_the_side_that_has_it():
 def test_limits_that_are_broken_are_told_with_value_place_and_bound():
     times = np.concatenate([[0.0], np.cumsum(allocate(CASE["points"], 11.0, 0.5))])
     move = b_spline(times, CASE["points"], 4)
-    found = analyse(move, times, AxisLimits(speed_m_s=3.0, acceleration_m_s2=5.0, jerk_m_s3=2.0, position_max_m=20.0))
+    found = analyse(
+        move,
+        times,
+        AxisLimits(speed_m_s=3.0, acceleration_m_s2=5.0, jerk_m_s3=2.0, position_max_m=20.0),
+    )
     assert [w.split(" ")[0] for w in found.warnings] == ["|speed_m_s|", "|jerk_m_s3|"]
     assert (
         f"reaches {found.speed_m_s.peak:.6g} at {found.speed_m_s.peak_t_s:.6g} s in interval 1; must be <= 3"
@@ -416,7 +465,11 @@ def test_analysed_peaks_bound_every_sample_and_are_met_in_their_interval(path, l
 
 
 @settings(max_examples=60, deadline=None)
-@given(c=st.lists(st.floats(-5, 5), min_size=6, max_size=6), h=st.floats(0.05, 4.0), order=st.integers(0, 4))
+@given(
+    c=st.lists(st.floats(-5, 5), min_size=6, max_size=6),
+    h=st.floats(0.05, 4.0),
+    order=st.integers(0, 4),
+)
 def test_extremes_of_many_are_those_of_the_trajectory(c, h, order):
     low, high = extremes(np.full((2, 1), h), np.array([[c], [[-x for x in c]]]), order)
     truth = Trajectory(Polynomials(np.array([h]), np.array([c]))).extent(order)
@@ -439,12 +492,16 @@ def test_every_start_alone_reaches_the_global_minimum(law, start):
 
 
 def test_the_cubic_minimum_is_six_and_the_root_of_twenty_one():
-    assert minimum_time("cubic", CASE["points"], LIMITS).times_s[-1] == pytest.approx(6.0 + math.sqrt(21.0), abs=1e-11)
+    assert minimum_time("cubic", CASE["points"], LIMITS).times_s[-1] == pytest.approx(
+        6.0 + math.sqrt(21.0), abs=1e-11
+    )
 
 
 @pytest.mark.parametrize("law", ["cubic", "four_three_four"])
 def test_no_shape_of_a_grid_is_quicker(law):
-    search = ShapeSearch(SHAPES[law], np.array(CASE["points"], dtype=float)[:, None], {1: 3.0, 2: 2.0})
+    search = ShapeSearch(
+        SHAPES[law], np.array(CASE["points"], dtype=float)[:, None], {1: 3.0, 2: 2.0}
+    )
     a, b = np.meshgrid(np.geomspace(0.02, 50.0, 90), np.geomspace(0.02, 50.0, 90))
     totals = search.scaled(np.stack([np.ones_like(a), a, b], axis=-1)).sum(axis=-1)
     best = minimum_time(law, CASE["points"], LIMITS).times_s[-1]
@@ -457,7 +514,9 @@ def test_an_independent_search_on_a_jerk_limit_finds_no_quicker_one():
 
     def total(x):
         move = four_three_four([0.0, 1.0, 1.0 + math.exp(x[0])], [0.0, 1.0, 3.0])
-        return move.duration_s * max((move.peak(2).value / 2.0) ** (1 / 2), (move.peak(3).value / 3.0) ** (1 / 3))
+        return move.duration_s * max(
+            (move.peak(2).value / 2.0) ** (1 / 2), (move.peak(3).value / 3.0) ** (1 / 3)
+        )
 
     lowest = brute(total, ((-1.5, 1.5),), Ns=60, full_output=True)[1]
     assert found.times_s[-1] <= lowest  # a simplex ends within 1e-4 of a kink
@@ -467,8 +526,15 @@ def test_an_independent_search_on_a_jerk_limit_finds_no_quicker_one():
 
 @pytest.mark.parametrize("law", RESTING)
 def test_slowing_down_alone_gives_the_times_of_the_reference(law):
-    search = ShapeSearch(SHAPES[law], np.array(CASE["points"], dtype=float)[:, None], {1: 3.0, 2: 2.0})
-    h = np.array([allocate(CASE["points"], 1.0, ALLOCATIONS[name]) for name in ("equal", "proportional", "root")])
+    search = ShapeSearch(
+        SHAPES[law], np.array(CASE["points"], dtype=float)[:, None], {1: 3.0, 2: 2.0}
+    )
+    h = np.array(
+        [
+            allocate(CASE["points"], 1.0, ALLOCATIONS[name])
+            for name in ("equal", "proportional", "root")
+        ]
+    )
     np.testing.assert_allclose(search.scaled(h).sum(axis=-1), CASE["scaled"][law], atol=6e-5)
 
 
@@ -482,13 +548,17 @@ def test_the_minimum_keeps_the_limits_and_beats_every_allocation(q, law):
     assert move.peak(2).value <= 2.0 * (1 + 1e-9)
     for power in ALLOCATIONS.values():
         shape = SPLINES[law](np.concatenate([[0.0], np.cumsum(allocate(q, 1.0, power))]), q)
-        assert found.times_s[-1] <= max(shape.peak(1).value / 3.0, math.sqrt(shape.peak(2).value / 2.0)) * (1 + 1e-9)
+        assert found.times_s[-1] <= max(
+            shape.peak(1).value / 3.0, math.sqrt(shape.peak(2).value / 2.0)
+        ) * (1 + 1e-9)
 
 
 def test_a_point_may_be_passed_twice_with_a_turn_in_between_but_not_to_stand_there():
     found = minimum_time("cubic", [5, -1, -3, -3, 2], LIMITS)
     assert SPLINES["cubic"](found.times_s, [5, -1, -3, -3, 2]).extent().low < -3.01
-    with pytest.raises(Infeasible, match=r"points 0 and 1 are both at \[5\.\] m, and the time between them shrinks"):
+    with pytest.raises(
+        Infeasible, match=r"points 0 and 1 are both at \[5\.\] m, and the time between them shrinks"
+    ):
         minimum_time("cubic", [5, 5, -3, -5], LIMITS)
 
 
@@ -497,7 +567,9 @@ def test_three_axes_share_one_time_and_all_keep_the_limits():
     limits = AxisLimits(speed_m_s=0.5, acceleration_m_s2=2.0, jerk_m_s3=40.0)
     found = minimum_time("b_spline_5", q, limits, samples=32)
     motion = Motion(*(b_spline(found.times_s, column) for column in q.T))
-    peaks = np.array([[axis.peak(order).value for order in (1, 2, 3)] for axis in (motion.x, motion.y, motion.z)])
+    peaks = np.array(
+        [[axis.peak(order).value for order in (1, 2, 3)] for axis in (motion.x, motion.y, motion.z)]
+    )
     assert (peaks / [0.5, 2.0, 40.0]).max() == pytest.approx(1.0, abs=1e-9)
     np.testing.assert_allclose(motion.at(found.times_s), q, atol=1e-12)
 
@@ -554,7 +626,11 @@ def test_the_splines_are_imported_without_scipy():
     [
         ([0, 1, 1, 2], [0, 1, 2, 0], r"times_s\[2\] = 1 repeats after 1; must increase"),
         ([0, 2, 1, 3], [0, 1, 2, 0], r"times_s\[2\] = 1 goes back after 2; must increase"),
-        ([0, 1, 1 + 1e-12, 2], [0, 1, 2, 0], r"the interval after times_s\[1\] lasts 1e-12 s of 2 s; must be >= 1e-09 of it"),
+        (
+            [0, 1, 1 + 1e-12, 2],
+            [0, 1, 2, 0],
+            r"the interval after times_s\[1\] lasts 1e-12 s of 2 s; must be >= 1e-09 of it",
+        ),
         ([0, 1, 2], [0, 1], r"shape \(3,\), points_m \(2,\)"),
         ([0, 1, math.nan], [0, 1, 0], "times_s = nan; must be -1e"),
         ([0, 1e200, 2e200], [0, 1, 0], r"times_s = 1e\+200; must be"),
@@ -574,26 +650,53 @@ def test_bad_points_are_refused_by_every_law(law, t, q, message):
     ("call", "message"),
     [
         (lambda: four_three_four([0, 1], [0, 1]), "4-3-4 spline: 2 points; must be >= 3"),
-        (lambda: four_three_four([0, 1, 2], [0, 1, 2], End(math.nan)), "a number of ends = nan; must be"),
+        (
+            lambda: four_three_four([0, 1, 2], [0, 1, 2], End(math.nan)),
+            "a number of ends = nan; must be",
+        ),
         (lambda: b_spline([0, 1, 2], [0, 1, 2], 3), "degree = 3 of a B-spline; must be 4 or 5"),
-        (lambda: periodic([0, 1, 2], [0, 1, 2]), "the last point is 2 m, the first 0 m; must be equal"),
+        (
+            lambda: periodic([0, 1, 2], [0, 1, 2]),
+            "the last point is 2 m, the first 0 m; must be equal",
+        ),
         (lambda: conditioning(1), "points = 1 of a polynomial; must be >= 2"),
-        (lambda: parabolic_blends([0, 1, 2], [0, 1, 0], 0.0), "acceleration_m_s2 = 0.0; must be 1e-09 to"),
-        (lambda: parabolic_blends([0, 1, 2], [0, 1, 0], 1.9), ">= 2: give the first interval more time"),
+        (
+            lambda: parabolic_blends([0, 1, 2], [0, 1, 0], 0.0),
+            "acceleration_m_s2 = 0.0; must be 1e-09 to",
+        ),
+        (
+            lambda: parabolic_blends([0, 1, 2], [0, 1, 0], 1.9),
+            ">= 2: give the first interval more time",
+        ),
         (lambda: parabolic_blends([0, 1, 2], [0, 1, 0], 2.5), "blends at points 0 and 1 take"),
-        (lambda: allocate([0, 1, 1], 3.0, 0.5), "points 1 and 2 are both at 1.0 m, so their interval lasts 0 s"),
+        (
+            lambda: allocate([0, 1, 1], 3.0, 0.5),
+            "points 1 and 2 are both at 1.0 m, so their interval lasts 0 s",
+        ),
         (lambda: allocate([0, 1], 0.0, 0.5), "total_s = 0.0"),
         (lambda: allocate([0, 1], 1.0, -1.0), "power = -1.0"),
         (lambda: allocate([0, 1, 3], 1.0, 200.0), "power = 200.0; must be 0 to 4"),
-        (lambda: allocate([0, 1e-3, 3], 1.0, 4.0), "the interval between points 0 and 1 gets .* of the time; must be >= 1e-09"),
+        (
+            lambda: allocate([0, 1e-3, 3], 1.0, 4.0),
+            "the interval between points 0 and 1 gets .* of the time; must be >= 1e-09",
+        ),
         (lambda: allocate([0, 1e300], 1.0, 1.0), r"largest point = 1e\+300; must be"),
         (lambda: AxisLimits(speed_m_s=1e300), r"speed_m_s = 1e\+300; must be 1e-09 to 1e\+12"),
         (lambda: AxisLimits(jerk_m_s3=1e-300), "jerk_m_s3 = 1e-300; must be 1e-09 to 1e"),
-        (lambda: minimum_time("cubic", [0, 1e200, 2e200], LIMITS), r"largest point = 2e\+200; must be"),
-        (lambda: minimum_time("cubic", [0, 1e-200, 2e-200], LIMITS), "first point = 2e-200; must be 1e-12 to"),
+        (
+            lambda: minimum_time("cubic", [0, 1e200, 2e200], LIMITS),
+            r"largest point = 2e\+200; must be",
+        ),
+        (
+            lambda: minimum_time("cubic", [0, 1e-200, 2e-200], LIMITS),
+            "first point = 2e-200; must be 1e-12 to",
+        ),
         (lambda: allocate([0], 1.0, 0.0), r"shape \(1,\)"),
         (lambda: AxisLimits(speed_m_s=0.0), "speed_m_s = 0.0; must be 1e-09 to"),
-        (lambda: AxisLimits(position_min_m=1.0, position_max_m=0.0), "position_min_m = 1.0, position_max_m = 0.0"),
+        (
+            lambda: AxisLimits(position_min_m=1.0, position_max_m=0.0),
+            "position_min_m = 1.0, position_max_m = 0.0",
+        ),
         (lambda: analyse(natural([0, 1], [0, 1]), [1.0, 2.0]), "increasing from 0"),
         (lambda: chain([]), "0 segments"),
         (lambda: dwell(0.0, 0.0), "duration_s = 0.0; must be 1e-09 to"),
@@ -601,20 +704,44 @@ def test_bad_points_are_refused_by_every_law(law, t, q, message):
             lambda: chain([dwell(0.0, 1.0), Straight(0.0, 1.0, 2.0)]),
             "speed steps from 0 m/s in segment 0 to 0.5 m/s in segment 1",
         ),
-        (lambda: chain([dwell(0.0, 1.0), dwell(0.5, 1.0)]), "segment 0 ends at 0.0 m, segment 1 begins at 0.5 m; must meet"),
-        (lambda: chain([Spline([0, 1, 2], [1.0])]), "segment 0 has 3 points and 1 durations; must be 2"),
-        (lambda: chain([Spline([0, 1, 2], [1.0, 0.0])]), r"durations_s\[1\] in segment 0 = 0.0; must be"),
+        (
+            lambda: chain([dwell(0.0, 1.0), dwell(0.5, 1.0)]),
+            "segment 0 ends at 0.0 m, segment 1 begins at 0.5 m; must meet",
+        ),
+        (
+            lambda: chain([Spline([0, 1, 2], [1.0])]),
+            "segment 0 has 3 points and 1 durations; must be 2",
+        ),
+        (
+            lambda: chain([Spline([0, 1, 2], [1.0, 0.0])]),
+            r"durations_s\[1\] in segment 0 = 0.0; must be",
+        ),
         (lambda: chain([Spline([0, 1, 2], [1.0, 1.0], law="cubik")]), "law of segment 0 = 'cubik'"),
-        (lambda: minimum_time("cubik", [0, 1, 2], LIMITS), "law of a minimum time = 'cubik'; did you mean 'cubic'"),
+        (
+            lambda: minimum_time("cubik", [0, 1, 2], LIMITS),
+            "law of a minimum time = 'cubik'; did you mean 'cubic'",
+        ),
         (
             lambda: minimum_time("cubic", [0, 1, 2], LIMITS, starts=("rot",)),
             "start of a minimum time = 'rot'; did you mean 'root'",
         ),
-        (lambda: minimum_time("cubic", [0, 1, 2], LIMITS, starts=(), samples=0), "samples = 0 without starts"),
-        (lambda: minimum_time("cubic", [0, 1], LIMITS), r"shape \(2, 1\) for a minimum time; must be >= 3"),
+        (
+            lambda: minimum_time("cubic", [0, 1, 2], LIMITS, starts=(), samples=0),
+            "samples = 0 without starts",
+        ),
+        (
+            lambda: minimum_time("cubic", [0, 1], LIMITS),
+            r"shape \(2, 1\) for a minimum time; must be >= 3",
+        ),
         (lambda: minimum_time("cubic", [1, 1, 1], LIMITS), "all 3 points are at"),
-        (lambda: minimum_time("cubic", [0, 1, 2], AxisLimits()), "no limit of speed, acceleration or jerk"),
-        (lambda: minimum_time("cubic", [0, 1, 2], AxisLimits(jerk_m_s3=9.0)), "jerk_m_s3 = 9.0 for a cubic spline at rest"),
+        (
+            lambda: minimum_time("cubic", [0, 1, 2], AxisLimits()),
+            "no limit of speed, acceleration or jerk",
+        ),
+        (
+            lambda: minimum_time("cubic", [0, 1, 2], AxisLimits(jerk_m_s3=9.0)),
+            "jerk_m_s3 = 9.0 for a cubic spline at rest",
+        ),
     ],
 )
 def test_bad_input_is_named_with_value_and_bound(call, message):
@@ -632,7 +759,9 @@ def test_limits_that_cannot_be_met_are_infeasible():
 @pytest.mark.parametrize("n", [50, 70])
 def test_a_polynomial_that_misses_its_points_is_refused(n):
     q = np.random.default_rng(0).uniform(-1.0, 1.0, n)
-    with pytest.raises(NotConverged, match=f"through {n} points misses one by .* must be <= .* take a spline"):
+    with pytest.raises(
+        NotConverged, match=f"through {n} points misses one by .* must be <= .* take a spline"
+    ):
         n_point(np.arange(float(n)), q)
 
 
@@ -642,12 +771,20 @@ def test_a_spline_keeps_its_shape_at_the_shortest_and_longest_times_and_ways(law
     t, q = np.linspace(0.0, 1.0, 5), np.array([0.0, 1.0, -0.5, 0.7, 0.0])
     unit, move = SPLINES[law](t, q), SPLINES[law](time * t, size * q)
     for order in (0, 1, 2):
-        assert move.peak(order).value == pytest.approx(unit.peak(order).value * size / time**order, rel=1e-6)
+        assert move.peak(order).value == pytest.approx(
+            unit.peak(order).value * size / time**order, rel=1e-6
+        )
 
 
 @pytest.mark.parametrize("law", SHAPES)
 @pytest.mark.parametrize(("way", "bound"), [(1e-12, 1e12), (1e-12, 1e-9), (1e9, 1e12), (1e9, 1e-9)])
-def test_the_least_time_grows_with_the_root_of_way_over_acceleration_up_to_the_bounds(law, way, bound):
-    unit = minimum_time(law, [0.0, 1.0, 0.5], AxisLimits(acceleration_m_s2=1.0), samples=4).times_s[-1]
-    found = minimum_time(law, [0.0, way, way / 2.0], AxisLimits(acceleration_m_s2=bound), samples=4).times_s[-1]
+def test_the_least_time_grows_with_the_root_of_way_over_acceleration_up_to_the_bounds(
+    law, way, bound
+):
+    unit = minimum_time(law, [0.0, 1.0, 0.5], AxisLimits(acceleration_m_s2=1.0), samples=4).times_s[
+        -1
+    ]
+    found = minimum_time(
+        law, [0.0, way, way / 2.0], AxisLimits(acceleration_m_s2=bound), samples=4
+    ).times_s[-1]
     assert found == pytest.approx(unit * math.sqrt(way / bound), rel=1e-6)

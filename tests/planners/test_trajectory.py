@@ -18,14 +18,18 @@ from planners.trajectories.pieces import ExpPolynomial, Mode, Smooth, add, polyn
 from planners.trajectories.trajectory import Trajectory
 
 QUINTIC = polynomial(1.0, (0.0, 0.0, 0.0, 10.0, -15.0, 6.0))
-DAMPED = ExpPolynomial(1.7, (0.3, -0.2, 0.05), (Mode(-0.4 + 9.0j, (0.2 - 0.1j, 0.05j)), Mode(1.3 + 0j, (0.02 + 0j,))))
+DAMPED = ExpPolynomial(
+    1.7, (0.3, -0.2, 0.05), (Mode(-0.4 + 9.0j, (0.2 - 0.1j, 0.05j)), Mode(1.3 + 0j, (0.02 + 0j,)))
+)
 rates = st.builds(complex, st.floats(-3, 3), st.floats(0, 40))
 numbers = st.floats(-2, 2)
 pieces = st.builds(
     ExpPolynomial,
     st.floats(0.1, 3.0),
     st.tuples(numbers, numbers, numbers, numbers),
-    st.lists(st.builds(lambda r, a, b: Mode(r, (complex(a, b),)), rates, numbers, numbers), max_size=3).map(tuple),
+    st.lists(
+        st.builds(lambda r, a, b: Mode(r, (complex(a, b),)), rates, numbers, numbers), max_size=3
+    ).map(tuple),
 )
 
 
@@ -51,14 +55,18 @@ def test_a_window_is_the_same_function_on_its_own_clock(piece):
     part = piece.window(0.3, 0.6)
     t = np.linspace(0.0, 0.6, 31)
     for order in range(3):
-        np.testing.assert_allclose(part.at(t, order), piece.at(t + 0.3, order), rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(
+            part.at(t, order), piece.at(t + 0.3, order), rtol=1e-12, atol=1e-12
+        )
 
 
 @pytest.mark.parametrize("a", [QUINTIC, DAMPED.window(0.0, 1.0), Smooth(1.0, wave, 6)])
 @pytest.mark.parametrize("b", [QUINTIC, DAMPED.window(0.0, 1.0), Smooth(1.0, wave, 4)])
 def test_kinds_add_and_scale_pointwise(a, b):
     t = np.linspace(0.0, 1.0, 17)
-    np.testing.assert_allclose(add(a, b.scaled(-2.0)).at(t, 2), a.at(t, 2) - 2.0 * b.at(t, 2), rtol=1e-12, atol=1e-9)
+    np.testing.assert_allclose(
+        add(a, b.scaled(-2.0)).at(t, 2), a.at(t, 2) - 2.0 * b.at(t, 2), rtol=1e-12, atol=1e-9
+    )
 
 
 def test_integral_undoes_derivative():
@@ -116,10 +124,14 @@ def test_a_high_degree_hides_no_extreme():
 
 def test_instants_of_peaks_are_polished():
     decay, w = 0.3, 50.0
-    move = Trajectory((ExpPolynomial(5.0, (0.0,), (Mode(complex(-decay, w), (-1j,)),)),))  # exp(-0.3 t) sin(50 t)
+    move = Trajectory(
+        (ExpPolynomial(5.0, (0.0,), (Mode(complex(-decay, w), (-1j,)),)),)
+    )  # exp(-0.3 t) sin(50 t)
     first = math.atan2(w, decay) / w
     assert move.peak().t_s == pytest.approx(first, abs=1e-12)
-    assert move.peak().value == pytest.approx(math.exp(-decay * first) * math.sin(w * first), rel=1e-14)
+    assert move.peak().value == pytest.approx(
+        math.exp(-decay * first) * math.sin(w * first), rel=1e-14
+    )
 
 
 def test_a_narrow_bump_of_a_smooth_piece_is_found():
@@ -133,9 +145,17 @@ def test_a_narrow_bump_of_a_smooth_piece_is_found():
 def test_a_stiff_lag_is_resolved():
     tau = 1 / (20 * math.pi)  # T / tau = 126
     move = Trajectory(
-        (ExpPolynomial(2.0, (0.0,), (Mode(complex(-1 / tau), (1.0 + 0j,)), Mode(complex(1 / tau), (1e-55 + 0j,)))),)
+        (
+            ExpPolynomial(
+                2.0,
+                (0.0,),
+                (Mode(complex(-1 / tau), (1.0 + 0j,)), Mode(complex(1 / tau), (1e-55 + 0j,))),
+            ),
+        )
     )
-    assert move.rms() == pytest.approx(math.sqrt((tau / 2 + 1e-110 * tau / 2 * math.exp(4 / tau) + 4e-55) / 2.0), rel=1e-9)
+    assert move.rms() == pytest.approx(
+        math.sqrt((tau / 2 + 1e-110 * tau / 2 * math.exp(4 / tau) + 4e-55) / 2.0), rel=1e-9
+    )
     assert move.peak() == pytest.approx((1.0, 0.0), abs=1e-12)
 
 
@@ -149,14 +169,24 @@ def test_extremes_bound_every_sample_and_are_met(piece, order):
     assert low - 1e-12 * scale <= v.min()
     assert v.max() <= high + 1e-12 * scale
     assert peak.value == max(-low, high)
-    assert abs(float(move.at(min(peak.t_s, move.duration_s), order))) == pytest.approx(peak.value, rel=1e-12)
+    assert abs(float(move.at(min(peak.t_s, move.duration_s), order))) == pytest.approx(
+        peak.value, rel=1e-12
+    )
 
 
 @settings(max_examples=25, deadline=None)
 @given(piece=pieces)
 def test_mean_squares_agree_with_adaptive_quadrature(piece):
-    square, _ = quad(lambda t: float(piece.at(np.asarray(t), 1)) ** 2, 0.0, piece.duration_s, epsrel=1e-11, limit=400)
-    assert Trajectory((piece,)).rms(1) == pytest.approx(math.sqrt(square / piece.duration_s), rel=1e-9, abs=1e-12)
+    square, _ = quad(
+        lambda t: float(piece.at(np.asarray(t), 1)) ** 2,
+        0.0,
+        piece.duration_s,
+        epsrel=1e-11,
+        limit=400,
+    )
+    assert Trajectory((piece,)).rms(1) == pytest.approx(
+        math.sqrt(square / piece.duration_s), rel=1e-9, abs=1e-12
+    )
 
 
 @pytest.mark.parametrize("piece", [DAMPED, Smooth(1.7, wave, 6)])
@@ -164,7 +194,13 @@ def test_the_exponential_integral_agrees_with_adaptive_quadrature(piece):
     rate = complex(-0.7, 31.0)
 
     def part(of):
-        return quad(lambda t: of(piece.at(np.asarray(t), 1) * np.exp(rate * (1.7 - t))), 0, 1.7, epsabs=1e-12, limit=400)[0]
+        return quad(
+            lambda t: of(piece.at(np.asarray(t), 1) * np.exp(rate * (1.7 - t))),
+            0,
+            1.7,
+            epsabs=1e-12,
+            limit=400,
+        )[0]
 
     truth = complex(part(lambda z: z.real), part(lambda z: z.imag))
     assert abs(exponential_integral(piece, 1, np.array([rate]))[0] - truth) < 1e-11
@@ -177,7 +213,9 @@ def test_continuity_counts_joints_and_ends():
     assert not Trajectory((QUINTIC,)).continuous(3)
     assert Trajectory((QUINTIC.window(0.0, 0.3), QUINTIC.window(0.3, 0.7))).continuous(2)
     assert not Trajectory((QUINTIC.window(0.0, 0.3), QUINTIC.window(0.31, 0.69))).continuous(0)
-    assert not Trajectory((polynomial(1.0, (0.0, 1.0)),)).continuous(2)  # a step in speed, though acceleration is 0
+    assert not Trajectory((polynomial(1.0, (0.0, 1.0)),)).continuous(
+        2
+    )  # a step in speed, though acceleration is 0
     assert Trajectory.hold(0.2, 1.0).continuous(3)
 
 
@@ -214,10 +252,14 @@ def test_other_bad_input_is_named():
 
 def test_a_motion_holds_its_other_axes_and_waits_for_the_slowest():
     first = Motion.along("y", harmonic(1.0), others_m=(0.1, 0.0, -0.8))
-    np.testing.assert_allclose(first.at([0.0, 0.5, 3.0]), [[0.1, 0.0, -0.8], [0.1, 0.5, -0.8], [0.1, 1.0, -0.8]])
+    np.testing.assert_allclose(
+        first.at([0.0, 0.5, 3.0]), [[0.1, 0.0, -0.8], [0.1, 0.5, -0.8], [0.1, 1.0, -0.8]]
+    )
     np.testing.assert_allclose(first.at(0.5, 1), [0.0, math.pi / 2, 0.0], atol=1e-15)
     uneven = Motion(harmonic(1.0), harmonic(2.0), Trajectory.hold(0.0, 0.5))
-    back = Motion(*(axis.scaled(-1.0).shifted(float(axis.at(9.0))) for axis in (uneven.x, uneven.y, uneven.z)))
+    back = Motion(
+        *(axis.scaled(-1.0).shifted(float(axis.at(9.0))) for axis in (uneven.x, uneven.y, uneven.z))
+    )
     both = uneven.then(back)
     assert both.duration_s == 4.0
     np.testing.assert_allclose(both.at([1.5, 2.5, 4.0])[:, 0], [1.0, 0.5, 0.0], atol=1e-15)

@@ -28,15 +28,25 @@ def columns(line: CableLine | None, rows: NDArray[np.float64]) -> NDArray[np.flo
     return line.column_px + line.slope * rows
 
 
-def projected(camera: Camera, position_m: tuple[float, float, float], angle_rad: float, below_m: float) -> NDArray[np.float64]:
+def projected(
+    camera: Camera, position_m: tuple[float, float, float], angle_rad: float, below_m: float
+) -> NDArray[np.float64]:
     """Pixel (column, row) of the point below_m along the cable, by OpenCV's projection. OpenCV: x right, y down, z ahead."""
     x, y, z = position_m
-    point = [x + below_m * math.sin(angle_rad), -(z + camera.pivot_above_axis_m - below_m * math.cos(angle_rad)), y]
+    point = [
+        x + below_m * math.sin(angle_rad),
+        -(z + camera.pivot_above_axis_m - below_m * math.cos(angle_rad)),
+        y,
+    ]
     focal = camera.pixels_per_m * camera.distance_m
     matrix = np.array([[focal, 0.0, 320.0], [0.0, focal, 240.0], [0.0, 0.0, 1.0]])
-    pitch = np.array([math.radians(camera.pitch_deg), 0.0, 0.0])  # looking down raises what is ahead
+    pitch = np.array(
+        [math.radians(camera.pitch_deg), 0.0, 0.0]
+    )  # looking down raises what is ahead
     away, _ = cv2.Rodrigues(pitch)
-    pixels, _ = cv2.projectPoints(np.array([point]), pitch, away @ [0.0, 0.0, camera.distance_m], matrix, np.zeros(4))
+    pixels, _ = cv2.projectPoints(
+        np.array([point]), pitch, away @ [0.0, 0.0, camera.distance_m], matrix, np.zeros(4)
+    )
     return np.asarray(pixels, dtype=float).reshape(2)
 
 
@@ -52,7 +62,9 @@ def test_the_cable_lies_where_projective_geometry_puts_it(
     for below_m in (0.0, 0.2, 0.9):
         column, row = projected(camera, position_m, angle_rad, below_m)
         assert line.column_px + line.slope * row == pytest.approx(column, abs=1e-8)
-    assert line.pivot_row_px == pytest.approx(projected(camera, position_m, angle_rad, 0.0)[1], abs=1e-8)
+    assert line.pivot_row_px == pytest.approx(
+        projected(camera, position_m, angle_rad, 0.0)[1], abs=1e-8
+    )
 
 
 def test_a_level_camera_sees_the_pivot_at_home_40_px_above_the_middle_of_the_top_row() -> None:
@@ -67,7 +79,8 @@ def test_a_degree_of_pitch_tilts_a_hanging_cable_by_3_5_mrad_at_0_2_m() -> None:
 
 
 @pytest.mark.parametrize(
-    ("position_m", "angle_rad"), [((0.0, -5.0, 0.0), 0.0), ((0.0, 0.0, 0.0), 1.6), ((0.0, 0.0, 0.0), math.pi)]
+    ("position_m", "angle_rad"),
+    [((0.0, -5.0, 0.0), 0.0), ((0.0, 0.0, 0.0), 1.6), ((0.0, 0.0, 0.0), math.pi)],
 )
 def test_a_cable_behind_the_camera_or_not_hanging_down_is_not_in_the_picture(
     position_m: tuple[float, float, float], angle_rad: float
@@ -88,7 +101,9 @@ def swing(x_m: float, speed_m_s: float, angle_rad: float, rate_rad_s: float) -> 
     return line_at
 
 
-def brute_force(line_at: Motion, row: int, cells: int = 9, instants: int = 40) -> NDArray[np.float64]:
+def brute_force(
+    line_at: Motion, row: int, cells: int = 9, instants: int = 40
+) -> NDArray[np.float64]:
     """Grey levels (640,) of one row: lens blur alone, sampled at 9 x 9 points a pixel and 40 instants of the exposure."""
     inside = (np.arange(cells) + 0.5) / cells - 0.5
     at_column = (np.arange(640)[:, None] + inside)[:, None, :]  # (640, 1, cells)
@@ -98,7 +113,9 @@ def brute_force(line_at: Motion, row: int, cells: int = 9, instants: int = 40) -
         line = line_at(float(t_s))
         d = (at_column - line.column_px - line.slope * at_row) / math.hypot(1.0, line.slope)
         half = 0.5 * CLEAN.cable_width_px
-        dark += (ndtr((d + half) / CLEAN.psf_px) - ndtr((d - half) / CLEAN.psf_px)).mean(axis=(1, 2))
+        dark += (ndtr((d + half) / CLEAN.psf_px) - ndtr((d - half) / CLEAN.psf_px)).mean(
+            axis=(1, 2)
+        )
     return CLEAN.background - CLEAN.contrast * dark / instants
 
 
@@ -113,9 +130,13 @@ def brute_force(line_at: Motion, row: int, cells: int = 9, instants: int = 40) -
         pytest.param((0.318, 0.1, 0.002, 0.3), id="on the picture's edge"),
     ],
 )
-def test_a_picture_is_within_a_grey_level_of_brute_force(motion: tuple[float, float, float, float]) -> None:
+def test_a_picture_is_within_a_grey_level_of_brute_force(
+    motion: tuple[float, float, float, float],
+) -> None:
     line_at = swing(*motion)
-    picture = Renderer(CLEAN, VIEW, 0).picture(0, *(line_at(t) for t in (-EXPOSURE_S / 2, 0.0, EXPOSURE_S / 2)))
+    picture = Renderer(CLEAN, VIEW, 0).picture(
+        0, *(line_at(t) for t in (-EXPOSURE_S / 2, 0.0, EXPOSURE_S / 2))
+    )
     for row in (0, 3, 160, 333, 479):
         truth = np.rint(brute_force(line_at, row))
         assert np.abs(picture[row] - truth).max() <= 1.0
@@ -154,7 +175,11 @@ def test_noisy_pictures_of_a_nearly_upright_cable_reach_the_cramer_rao_bound_wit
     noise = 2.5
     renderer = Renderer(Camera(noise=noise), VIEW, 5)
     s, w = math.sqrt(CLEAN.psf_px**2 + 1.0 / 12.0), CLEAN.cable_width_px
-    information = CLEAN.contrast**2 / (math.sqrt(math.pi) * s * noise**2) * (1.0 - math.exp(-((w / (2.0 * s)) ** 2)))
+    information = (
+        CLEAN.contrast**2
+        / (math.sqrt(math.pi) * s * noise**2)
+        * (1.0 - math.exp(-((w / (2.0 * s)) ** 2)))
+    )
     bound = math.sqrt(12.0 / (information * 480.0**3))
     errors = []
     for k, x_m in enumerate(np.linspace(-0.2, 0.2, 96).tolist()):
@@ -166,7 +191,11 @@ def test_noisy_pictures_of_a_nearly_upright_cable_reach_the_cramer_rao_bound_wit
 
 def test_an_exposure_blurs_about_the_mean_position_of_the_cable() -> None:
     renderer = Renderer(CLEAN, VIEW, 0)
-    start, middle, end = CableLine(100.0, 0.0, -40.0), CableLine(103.0, 0.0, -40.0), CableLine(104.0, 0.0, -40.0)
+    start, middle, end = (
+        CableLine(100.0, 0.0, -40.0),
+        CableLine(103.0, 0.0, -40.0),
+        CableLine(104.0, 0.0, -40.0),
+    )
     dark = 200.0 - renderer.picture(0, start, middle, end).astype(float)
     centroid = (dark * np.arange(640)).sum(axis=1) / dark.sum(axis=1)
     assert centroid.mean() == pytest.approx((100.0 + 4.0 * 103.0 + 104.0) / 6.0, abs=0.02)
@@ -177,7 +206,9 @@ def test_an_exposure_blurs_about_the_mean_position_of_the_cable() -> None:
 def test_a_cable_beside_the_picture_leaves_it_empty(column_px: float) -> None:
     renderer = Renderer(Camera(), VIEW, 0)
     line = CableLine(column_px, 0.0, -40.0)
-    np.testing.assert_array_equal(renderer.picture(3, line, line, line), renderer.picture(3, None, None, None))
+    np.testing.assert_array_equal(
+        renderer.picture(3, line, line, line), renderer.picture(3, None, None, None)
+    )
 
 
 @pytest.mark.parametrize("slope", [-9.0, -3.0, 3.0, 9.0])
@@ -185,7 +216,9 @@ def test_a_nearly_horizontal_cable_darkens_the_rows_it_crosses(slope: float) -> 
     line = CableLine(320.0 - slope * 240.0, slope, -40.0)
     dark = 200.0 - Renderer(CLEAN, VIEW, 0).picture(0, line, line, line).astype(float)
     along = dark[230:251, 320].sum()
-    assert along == pytest.approx(CLEAN.contrast * CLEAN.cable_width_px * math.hypot(1.0, slope) / abs(slope), rel=0.03)
+    assert along == pytest.approx(
+        CLEAN.contrast * CLEAN.cable_width_px * math.hypot(1.0, slope) / abs(slope), rel=0.03
+    )
     assert dark[:100, 320].max() == 0.0
 
 
@@ -198,13 +231,17 @@ def test_the_cable_begins_at_its_pivot(pivot_row_px: float, first: int) -> None:
 
 def test_a_dark_cable_on_a_dim_screen_stays_black() -> None:
     line = CableLine(300.0, 0.1, -40.0)
-    picture = Renderer(Camera(background=60.0, contrast=255.0), VIEW, 0).picture(0, line, line, line)
+    picture = Renderer(Camera(background=60.0, contrast=255.0), VIEW, 0).picture(
+        0, line, line, line
+    )
     assert picture[:, 250:400].min() == 0
     assert picture.max() < 90
 
 
 def test_equal_seeds_give_equal_pictures_and_others_do_not() -> None:
-    first, again, other = (Renderer(Camera(), VIEW, seed).picture(2, None, None, None) for seed in (7, 7, 8))
+    first, again, other = (
+        Renderer(Camera(), VIEW, seed).picture(2, None, None, None) for seed in (7, 7, 8)
+    )
     np.testing.assert_array_equal(first, again)
     assert (first != other).mean() > 0.5
 
@@ -234,7 +271,9 @@ def test_video_shows_the_swing_in_the_red_plane_alone_and_says_when() -> None:
     assert [frame.number for frame in frames] == list(range(25))
     for frame in frames[::6]:
         assert frame.t_s == pytest.approx(0.02 * frame.number + 0.005, abs=1e-12)
-        assert frame.angle_rad == pytest.approx(0.01 * math.cos(math.sqrt(9.81) * frame.t_s), abs=2e-7)
+        assert frame.angle_rad == pytest.approx(
+            0.01 * math.cos(math.sqrt(9.81) * frame.t_s), abs=2e-7
+        )
         line = CableLine(320.0 + 40.0 * math.tan(frame.angle_rad), math.tan(frame.angle_rad), -40.0)
         assert fitted_slope(frame.image[..., 2], line) == pytest.approx(line.slope, abs=0.005e-3)
         assert np.ptp(frame.image[..., :2]) == 0

@@ -39,7 +39,9 @@ def test_the_platform_answers_a_step_like_the_transfer_function(damping: float) 
     robot = params.Robot(bandwidth_hz=7.0, damping=damping)
     wn = Loop(robot).natural_rad_s
     t_s = np.arange(1, 401) * 1e-3
-    _, expected = signal.step(([wn**2], [1.0, 2.0 * damping * wn, wn**2]), T=np.concatenate([[0.0], t_s]))
+    _, expected = signal.step(
+        ([wn**2], [1.0, 2.0 * damping * wn, wn**2]), T=np.concatenate([[0.0], t_s])
+    )
     world = Bench(BenchParams(robot=robot))
     world.setpoint((0.1, -0.2, 0.05))
     positions = []
@@ -86,20 +88,33 @@ def test_a_small_swing_decays_as_the_damping_ratio_says() -> None:
     world = bench(damping_ratio=zeta, initial_swing_rad=1e-4)
     for t_s in (0.7, 1.9, 5.0):
         world.advance(round(t_s * 1e9))
-        expected = 1e-4 * math.exp(-zeta * w * t_s) * (math.cos(wd * t_s) + zeta * w / wd * math.sin(wd * t_s))
+        expected = (
+            1e-4
+            * math.exp(-zeta * w * t_s)
+            * (math.cos(wd * t_s) + zeta * w / wd * math.sin(wd * t_s))
+        )
         assert world.angle_rad == pytest.approx(expected, abs=1e-12)
 
 
-def reference_angle(setpoints: list[tuple[float, tuple[float, float, float]]], end_s: float, swing_rad: float) -> list[float]:
+def reference_angle(
+    setpoints: list[tuple[float, tuple[float, float, float]]], end_s: float, swing_rad: float
+) -> list[float]:
     """(theta, theta') by DOP853 from the accelerations of the pivot, one solution between each two setpoints."""
     wn, zeta, length, g, drag = Loop(ROBOT).natural_rad_s, ROBOT.damping, 0.8, 9.81, 0.01
     y = np.array([0.0, 0.0, 0.0, 0.0, swing_rad, 0.0])  # x, x', z, z', theta, theta'
-    for (t0, (aim_x, _, aim_z)), (t1, _) in zip(setpoints, [*setpoints[1:], (end_s, (0.0, 0.0, 0.0))], strict=True):
+    for (t0, (aim_x, _, aim_z)), (t1, _) in zip(
+        setpoints, [*setpoints[1:], (end_s, (0.0, 0.0, 0.0))], strict=True
+    ):
 
-        def rate(_t: float, y: np.ndarray, aim_x: float = aim_x, aim_z: float = aim_z) -> list[float]:
+        def rate(
+            _t: float, y: np.ndarray, aim_x: float = aim_x, aim_z: float = aim_z
+        ) -> list[float]:
             ax = wn**2 * (aim_x - y[0]) - 2.0 * zeta * wn * y[1]
             az = wn**2 * (aim_z - y[2]) - 2.0 * zeta * wn * y[3]
-            turn = -((g + az) * math.sin(y[4]) + ax * math.cos(y[4])) / length - 2.0 * drag * math.sqrt(g / length) * y[5]
+            turn = (
+                -((g + az) * math.sin(y[4]) + ax * math.cos(y[4])) / length
+                - 2.0 * drag * math.sqrt(g / length) * y[5]
+            )
             return [y[1], ax, y[3], az, y[5], turn]
 
         y = solve_ivp(rate, (t0, t1), y, method="DOP853", rtol=1e-11, atol=1e-13).y[:, -1]
@@ -124,7 +139,9 @@ def test_a_load_on_a_jerky_platform_follows_an_independent_integrator(spacing_ns
 
 @given(vx=st.floats(-3.0, 3.0), vz=st.floats(-3.0, 3.0), swing=st.floats(-1.5, 1.5))
 @settings(max_examples=30, deadline=None)
-def test_a_pivot_in_uniform_motion_is_as_good_as_one_at_rest(vx: float, vz: float, swing: float) -> None:
+def test_a_pivot_in_uniform_motion_is_as_good_as_one_at_rest(
+    vx: float, vz: float, swing: float
+) -> None:
     resting = Pendulum(params.Pendulum(initial_swing_rad=swing, damping_ratio=0.03))
     carried = Pendulum(params.Pendulum(initial_swing_rad=swing, damping_ratio=0.03))
     resting.hang(1e-3, 700)
@@ -143,7 +160,9 @@ def test_where_the_bench_pauses_does_not_matter(stops: list[int]) -> None:
             world.advance(t_ns)
             assert world.t_ns == t_ns
     assert halting.position_m == pytest.approx(straight.position_m, abs=1e-14)
-    assert halting.angle_rad == pytest.approx(straight.angle_rad, abs=1e-8)  # of Runge-Kutta at a jerk of 430 m/s^2
+    assert halting.angle_rad == pytest.approx(
+        straight.angle_rad, abs=1e-8
+    )  # of Runge-Kutta at a jerk of 430 m/s^2
 
 
 def test_a_platform_comes_to_rest_on_its_setpoint() -> None:
@@ -172,6 +191,8 @@ def test_time_does_not_run_backwards() -> None:
         ({"view": {"rate_hz": 200.0}}, r"exposure_ms = 10.0 .* 5 ms"),
     ],
 )
-def test_a_world_out_of_bounds_is_refused_by_name(section: dict[str, object], complaint: str) -> None:
+def test_a_world_out_of_bounds_is_refused_by_name(
+    section: dict[str, object], complaint: str
+) -> None:
     with pytest.raises(msgspec.ValidationError, match=complaint):
         msgspec.convert(section, BenchParams)

@@ -25,12 +25,18 @@ def setpoint(seq: int, t_ns: int, x_m: float) -> Setpoint:
     return Setpoint(seq=seq, t_ns=t_ns, position_m=(x_m, 0.0, 0.0))
 
 
-def run(task: Task, wakes_ns: Iterable[int], setpoints: Iterable[tuple[int, float]] = ()) -> list[Send]:
+def run(
+    task: Task, wakes_ns: Iterable[int], setpoints: Iterable[tuple[int, float]] = ()
+) -> list[Send]:
     """Start at 0, then ticks and setpoints in the order of time."""
     sends = list(task.start(0).sends)
     calls: list[tuple[int, float | None]] = [*((t, None) for t in wakes_ns), *setpoints]
     for n, (t_ns, x_m) in enumerate(sorted(calls, key=lambda call: call[0])):
-        step = task.on_tick(t_ns) if x_m is None else task.on_message("setpoint", setpoint(n, t_ns, x_m), t_ns)
+        step = (
+            task.on_tick(t_ns)
+            if x_m is None
+            else task.on_message("setpoint", setpoint(n, t_ns, x_m), t_ns)
+        )
         sends += step.sends
     return sends
 
@@ -45,7 +51,10 @@ def stamps(sends: list[Send], channel: str) -> list[int]:
 
 def facts(sends: list[Send], channel: str) -> list[object]:
     """Comparable content: pictures as bytes."""
-    return [(m.seq, m.t_ns, m.pixels.tobytes()) if isinstance(m, Frame) else m for m in messages(sends, channel)]
+    return [
+        (m.seq, m.t_ns, m.pixels.tobytes()) if isinstance(m, Frame) else m
+        for m in messages(sends, channel)
+    ]
 
 
 def test_every_channel_keeps_its_own_grid() -> None:
@@ -54,7 +63,9 @@ def test_every_channel_keeps_its_own_grid() -> None:
     assert stamps(sends, "truth") == [k * 10 * MS for k in range(11)]
     assert stamps(sends, "frame") == [k * 20 * MS + 10 * MS for k in range(5)]
     for channel in ("joint_state", "truth", "frame"):
-        assert [m.seq for m in messages(sends, channel)] == list(range(len(messages(sends, channel))))
+        assert [m.seq for m in messages(sends, channel)] == list(
+            range(len(messages(sends, channel)))
+        )
 
 
 def test_waking_when_asked_serves_everything_on_its_instant() -> None:
@@ -75,7 +86,12 @@ def test_a_frame_says_how_it_was_taken() -> None:
     frame = messages(run(BenchTask(SWINGING), [35 * MS]), "frame")[0]
     assert isinstance(frame, Frame)
     assert (frame.t_exposure_start_ns, frame.exposure_ns, frame.row_ns) == (0, 10 * MS, 0)
-    assert (frame.camera, frame.encoding, frame.height, frame.width) == ("red_plane", "mono8", 48, 64)
+    assert (frame.camera, frame.encoding, frame.height, frame.width) == (
+        "red_plane",
+        "mono8",
+        48,
+        64,
+    )
     assert frame.pixels.shape == (48, 64)
     assert frame.pixels.dtype == np.uint8
 
@@ -89,7 +105,9 @@ def test_readings_and_truth_are_the_bench_at_their_stamps() -> None:
         assert isinstance(truth, Truth)
         world.advance(truth.t_ns)
         assert truth.angle_rad == pytest.approx(world.angle_rad, abs=1e-13)
-        assert truth.angular_velocity_rad_s == pytest.approx(world.angular_velocity_rad_s, abs=1e-13)
+        assert truth.angular_velocity_rad_s == pytest.approx(
+            world.angular_velocity_rad_s, abs=1e-13
+        )
         assert truth.position_m == pytest.approx(world.position_m, abs=1e-15)
         assert truth.velocity_m_s == pytest.approx(world.velocity_m_s, abs=1e-13)
     reading = messages(sends, "joint_state")[-1]
@@ -110,12 +128,20 @@ def test_what_happens_does_not_depend_on_when_the_task_is_woken(wakes_ns: list[i
     for channel in ("truth", "frame"):
         assert facts(got, channel) == facts(expected, channel)
     assert punctual.late_ticks == 0
-    assert sleepy.late_ticks == len(messages(expected, "joint_state")) - len(messages(got, "joint_state"))
+    assert sleepy.late_ticks == len(messages(expected, "joint_state")) - len(
+        messages(got, "joint_state")
+    )
 
 
 def test_setpoints_that_arrive_within_one_millisecond_of_each_other_move_the_robot_alike() -> None:
-    early = run(BenchTask(BLIND), range(5 * MS, 101 * MS, 5 * MS), [(20 * MS, 0.01), (55 * MS, 0.02)])
-    later = run(BenchTask(BLIND), range(5 * MS, 101 * MS, 5 * MS), [(20 * MS + 999_999, 0.01), (55 * MS + 1, 0.02)])
+    early = run(
+        BenchTask(BLIND), range(5 * MS, 101 * MS, 5 * MS), [(20 * MS, 0.01), (55 * MS, 0.02)]
+    )
+    later = run(
+        BenchTask(BLIND),
+        range(5 * MS, 101 * MS, 5 * MS),
+        [(20 * MS + 999_999, 0.01), (55 * MS + 1, 0.02)],
+    )
     assert facts(early, "truth") == facts(later, "truth")
 
 
@@ -182,7 +208,9 @@ def test_a_load_is_released_at_the_start_and_stamps_stay_on_the_run_clock() -> N
 
 
 def test_the_picture_shows_the_platform_and_the_angle_of_mid_exposure() -> None:
-    params = BenchParams(pendulum=Pendulum(initial_swing_rad=0.1), camera=Camera(noise=0.0, pitch_deg=0.0))
+    params = BenchParams(
+        pendulum=Pendulum(initial_swing_rad=0.1), camera=Camera(noise=0.0, pitch_deg=0.0)
+    )
     sends = run(BenchTask(params), range(5 * MS, 300 * MS, 5 * MS), [(50 * MS, 0.1)])
     for frame in messages(sends, "frame")[1:]:
         assert isinstance(frame, Frame)
@@ -212,7 +240,14 @@ def test_every_command_is_answered_with_its_id_and_changes_nothing(verb: Verb) -
     (send,) = step.sends
     reply = send.message
     assert isinstance(reply, Reply)
-    assert (send.channel, send.at_ns, reply.seq, reply.id, reply.sender, reply.ok) == ("reply", 12, 0, 42, "bench", True)
+    assert (send.channel, send.at_ns, reply.seq, reply.id, reply.sender, reply.ok) == (
+        "reply",
+        12,
+        0,
+        42,
+        "bench",
+        True,
+    )
 
 
 def test_the_bench_is_idle_until_a_setpoint_comes() -> None:
@@ -220,7 +255,13 @@ def test_the_bench_is_idle_until_a_setpoint_comes() -> None:
     task.start(0)
     phases = []
     for seq in range(2):
-        reply = task.on_message("command", Command(seq=seq, t_ns=0, id=seq, to="bench", verb=Verb.STATUS), 0).sends[0].message
+        reply = (
+            task.on_message(
+                "command", Command(seq=seq, t_ns=0, id=seq, to="bench", verb=Verb.STATUS), 0
+            )
+            .sends[0]
+            .message
+        )
         assert isinstance(reply, Reply)
         phases.append(reply.phase)
         task.on_message("setpoint", setpoint(0, 0, 0.0), 0)
@@ -229,7 +270,11 @@ def test_the_bench_is_idle_until_a_setpoint_comes() -> None:
 
 def test_a_repeated_setpoint_changes_nothing() -> None:
     once = run(BenchTask(BLIND), range(5 * MS, 101 * MS, 5 * MS), [(11 * MS, 0.01)])
-    again = run(BenchTask(BLIND), range(5 * MS, 101 * MS, 5 * MS), [(11 * MS, 0.01), (42 * MS + 1, 0.01), (77 * MS, 0.01)])
+    again = run(
+        BenchTask(BLIND),
+        range(5 * MS, 101 * MS, 5 * MS),
+        [(11 * MS, 0.01), (42 * MS + 1, 0.01), (77 * MS, 0.01)],
+    )
     assert facts(once, "truth") == facts(again, "truth")
 
 

@@ -27,10 +27,14 @@ DATA = tomllib.loads((Path(__file__).parents[1] / "data" / "elastic_joint.toml")
 SAMPLE_S = 1e-3
 Array = NDArray[Any]
 commands = st.lists(st.floats(-1.0, 1.0), min_size=1, max_size=40)
-extended = pytest.mark.skipif(np.finfo(np.longdouble).eps > 1e-18, reason="this machine has no wider floats to check against")
+extended = pytest.mark.skipif(
+    np.finfo(np.longdouble).eps > 1e-18, reason="this machine has no wider floats to check against"
+)
 
 
-def run(joint: ElasticJoint, torques_n_m: Sequence[float], sample_s: float = SAMPLE_S) -> list[JointTruth]:
+def run(
+    joint: ElasticJoint, torques_n_m: Sequence[float], sample_s: float = SAMPLE_S
+) -> list[JointTruth]:
     truths = []
     for torque_n_m in torques_n_m:
         joint.advance(float(torque_n_m), sample_s)
@@ -40,7 +44,14 @@ def run(joint: ElasticJoint, torques_n_m: Sequence[float], sample_s: float = SAM
 
 def state(truth: JointTruth) -> Array:
     """(4,): angle and speed of the motor, then of the load."""
-    return np.array([truth.motor_angle_rad, truth.motor_speed_rad_s, truth.load_angle_rad, truth.load_speed_rad_s])
+    return np.array(
+        [
+            truth.motor_angle_rad,
+            truth.motor_speed_rad_s,
+            truth.load_angle_rad,
+            truth.load_speed_rad_s,
+        ]
+    )
 
 
 def linear(params: Joint) -> tuple[Array, Array]:
@@ -52,7 +63,12 @@ def linear(params: Joint) -> tuple[Array, Array]:
             [0.0, 1.0, 0.0, 0.0],
             [-k / jm, -(d + params.motor_friction_n_m_s_rad) / jm, n * k / jm, n * d / jm],
             [0.0, 0.0, 0.0, 1.0],
-            [n * k / jl, n * d / jl, -n * n * k / jl, -(n * n * d + params.load_friction_n_m_s_rad) / jl],
+            [
+                n * k / jl,
+                n * d / jl,
+                -n * n * k / jl,
+                -(n * n * d + params.load_friction_n_m_s_rad) / jl,
+            ],
         ]
     ), np.array([[0.0, 0.0], [1.0 / jm, 0.0], [0.0, 0.0], [0.0, 1.0 / jl]])
 
@@ -74,7 +90,10 @@ def test_a_free_joint_swings_at_its_resonance_and_slows_at_its_real_pole(name):
     modes, joint = DATA[f"{name}_modes"], ElasticJoint(Joint(**DATA[name]))
     run(joint, [1.0, 1.0, -0.5])
     found = rates(np.array([state(truth) for truth in run(joint, [0.0] * 30, 4e-3)]), 4e-3)
-    wave, slow, rigid = found[found.imag > 1.0][0], *sorted(abs(found[np.abs(found.imag) <= 1.0]), reverse=True)
+    wave, slow, rigid = (
+        found[found.imag > 1.0][0],
+        *sorted(abs(found[np.abs(found.imag) <= 1.0]), reverse=True),
+    )
     assert abs(wave) == pytest.approx(modes["omega_p"], rel=1e-6)
     assert -wave.real / abs(wave) == pytest.approx(modes["zeta_p"], rel=1e-6)
     assert slow == pytest.approx(modes["real_pole"], rel=1e-6)
@@ -110,12 +129,20 @@ def exact_linear(params: Joint, torques_n_m: Array) -> Array:
 
 
 @extended
-@pytest.mark.parametrize("changes", [{}, {"gear_ratio": 1.0, "load_inertia_kg_m2": 2.7e-4}, {"elastic_damping_n_m_s_rad": 0.0}])
+@pytest.mark.parametrize(
+    "changes",
+    [{}, {"gear_ratio": 1.0, "load_inertia_kg_m2": 2.7e-4}, {"elastic_damping_n_m_s_rad": 0.0}],
+)
 def test_the_stated_error_bounds_the_error_of_a_linear_second(changes):
     params, torques = Joint(**changes), 2.0 * np.cos(0.01 * np.arange(1000))
     truths = run(ElasticJoint(params), torques)
-    errors = [abs(np.longdouble(t.motor_angle_rad) - x) for t, x in zip(truths, exact_linear(params, torques), strict=True)]
-    assert all(error <= truth.integration_error_rad for error, truth in zip(errors, truths, strict=True))
+    errors = [
+        abs(np.longdouble(t.motor_angle_rad) - x)
+        for t, x in zip(truths, exact_linear(params, torques), strict=True)
+    ]
+    assert all(
+        error <= truth.integration_error_rad for error, truth in zip(errors, truths, strict=True)
+    )
     assert 0.0 < truths[-1].integration_error_rad < 1e-9
 
 
@@ -125,10 +152,15 @@ def test_the_stated_error_bounds_the_error_of_sliding_one_way():
     truths = run(ElasticJoint(Joint(coulomb_torque_n_m=friction)), torques)
     assert min(truth.motor_speed_rad_s for truth in truths) > 0.0
     exact = exact_linear(Joint(), torques.astype(np.longdouble) - friction)
-    assert all(abs(t.motor_angle_rad - x) <= t.integration_error_rad < 1e-9 for t, x in zip(truths, exact, strict=True))
+    assert all(
+        abs(t.motor_angle_rad - x) <= t.integration_error_rad < 1e-9
+        for t, x in zip(truths, exact, strict=True)
+    )
 
 
-def extrapolated(derivative: Callable[[Array], Array], x: Array, duration_s: float, columns: int = 12) -> Array:
+def extrapolated(
+    derivative: Callable[[Array], Array], x: Array, duration_s: float, columns: int = 12
+) -> Array:
     """One Gragg-Bulirsch-Stoer step in extended precision (Hairer, Norsett, Wanner 1993, II.9)."""
     table: list[Array] = []
     for j in range(1, columns + 1):
@@ -145,26 +177,37 @@ def extrapolated(derivative: Callable[[Array], Array], x: Array, duration_s: flo
 
 @extended
 def test_the_stated_error_bounds_the_error_with_ripple():
-    params = Joint(torque_ripple_n_m=0.05, torque_ripple_cycles_per_rev=4.0, torque_ripple_phase_rad=0.4)
+    params = Joint(
+        torque_ripple_n_m=0.05, torque_ripple_cycles_per_rev=4.0, torque_ripple_phase_rad=0.4
+    )
     a, b = (matrix.astype(np.longdouble) for matrix in linear(params))
     x, torques = np.zeros(4, np.longdouble), wiggle(200, 1.0)
     for truth, torque_n_m in zip(run(ElasticJoint(params), torques), torques, strict=True):
 
         def derivative(x, torque_n_m=torque_n_m):
-            ripple = np.longdouble(0.05) * np.sin(4 * x[0] + np.longdouble(params.torque_ripple_phase_rad))
+            ripple = np.longdouble(0.05) * np.sin(
+                4 * x[0] + np.longdouble(params.torque_ripple_phase_rad)
+            )
             return a @ x + b[:, 0] * (torque_n_m + ripple)
 
         x = extrapolated(derivative, x, SAMPLE_S)
-        assert abs(np.longdouble(truth.motor_angle_rad) - x[0]) <= truth.integration_error_rad < 1e-9
+        assert (
+            abs(np.longdouble(truth.motor_angle_rad) - x[0]) <= truth.integration_error_rad < 1e-9
+        )
 
 
 def events_by_scipy(params: Joint, torques_n_m: Array, step_s: float) -> tuple[Array, int]:
     """State after the commands, and how often the friction switched: DOP853 in steps that must be shorter than any slip."""
     a, b = linear(params)
     samples = SAMPLE_S * np.arange(len(torques_n_m) + 1)
-    edges = [edge for p in params.disturbances for edge in (p.start_s, p.end_s) if edge < samples[-1]]
+    edges = [
+        edge for p in params.disturbances for edge in (p.start_s, p.end_s) if edge < samples[-1]
+    ]
     x, direction, switches = np.zeros(4), 0.0, 0
-    friction, slack = params.coulomb_torque_n_m, 1e-12  # more than the sums' rounding, or a switch could repeat in place
+    friction, slack = (
+        params.coulomb_torque_n_m,
+        1e-12,
+    )  # more than the sums' rounding, or a switch could repeat in place
     for begin_s, end_s in itertools.pairwise(sorted({*samples, *edges})):
         middle_s = 0.5 * (begin_s + end_s)
         acting = [p for p in params.disturbances if p.start_s <= middle_s < p.end_s]
@@ -187,40 +230,71 @@ def events_by_scipy(params: Joint, torques_n_m: Array, step_s: float) -> tuple[A
 
             def motion(_, x, direction=direction, free=free):
                 slides = direction or not friction
-                return free(x) - b[:, 0] * direction * friction if slides else np.array([0.0, 0.0, *free(x)[2:]])
+                return (
+                    free(x) - b[:, 0] * direction * friction
+                    if slides
+                    else np.array([0.0, 0.0, *free(x)[2:]])
+                )
 
             def guard(_, x, direction=direction, pull=pull):
                 return x[1] * direction + slack if direction else friction + slack - abs(pull(x))
 
             guard.terminal, guard.direction = True, -1.0
             guards = [guard] if friction else None
-            leg = solve_ivp(motion, (t_s, end_s), x, "DOP853", rtol=1e-12, atol=1e-14, events=guards, max_step=step_s)
+            leg = solve_ivp(
+                motion,
+                (t_s, end_s),
+                x,
+                "DOP853",
+                rtol=1e-12,
+                atol=1e-14,
+                events=guards,
+                max_step=step_s,
+            )
             t_s, x = leg.t[-1], leg.y[:, -1]
             if leg.status == 1:
                 switches += 1
                 if direction:
                     x[1] = 0.0
-                direction = 0.0 if direction and abs(pull(x)) <= friction + slack else math.copysign(1.0, pull(x))
+                direction = (
+                    0.0
+                    if direction and abs(pull(x)) <= friction + slack
+                    else math.copysign(1.0, pull(x))
+                )
     return x, switches
 
 
-PUSHES = (Pulse(start_s=0.0312, end_s=0.1, motor_n_m=0.1, load_n_m=-3.0), Pulse(start_s=0.05, end_s=0.2, load_n_m=8.0))
+PUSHES = (
+    Pulse(start_s=0.0312, end_s=0.1, motor_n_m=0.1, load_n_m=-3.0),
+    Pulse(start_s=0.05, end_s=0.2, load_n_m=8.0),
+)
 
 
 @pytest.mark.parametrize(
     ("changes", "step_s", "switches"),
     [
         ({"disturbances": PUSHES}, 1e-3, 0),
-        ({"coulomb_torque_n_m": 0.05}, 2e-5, 18),  # with steps of 50 us it misses a slip and is 5e-9 rad off
+        (
+            {"coulomb_torque_n_m": 0.05},
+            2e-5,
+            18,
+        ),  # with steps of 50 us it misses a slip and is 5e-9 rad off
         ({"coulomb_torque_n_m": 0.1, "load_friction_n_m_s_rad": 4.9}, 1e-4, 16),
         (
-            {"coulomb_torque_n_m": 0.08, "torque_ripple_n_m": 0.05, "torque_ripple_phase_rad": 2, "disturbances": PUSHES},
+            {
+                "coulomb_torque_n_m": 0.08,
+                "torque_ripple_n_m": 0.05,
+                "torque_ripple_phase_rad": 2,
+                "disturbances": PUSHES,
+            },
             1e-4,
             9,
         ),
     ],
 )
-def test_sticking_sliding_ripple_and_pulses_agree_with_an_independent_integrator(changes, step_s, switches):
+def test_sticking_sliding_ripple_and_pulses_agree_with_an_independent_integrator(
+    changes, step_s, switches
+):
     params, torques = Joint(**changes), wiggle(350)
     expected, switched = events_by_scipy(params, torques, step_s)
     assert switched == switches
@@ -245,20 +319,35 @@ def test_the_way_a_second_is_cut_into_samples_does_not_matter():
     for torque_n_m in wiggle(60):
         whole.advance(torque_n_m, 5e-3)
         run(parts, [torque_n_m] * 7, 5e-3 / 7)
-        assert whole.truth().motor_angle_rad == pytest.approx(parts.truth().motor_angle_rad, abs=1e-12)
+        assert whole.truth().motor_angle_rad == pytest.approx(
+            parts.truth().motor_angle_rad, abs=1e-12
+        )
 
 
 def test_work_done_is_kinetic_elastic_and_ripple_energy_and_what_the_frictions_took():
-    p = Joint(**DATA["fitted"], torque_ripple_n_m=0.05, torque_ripple_phase_rad=0.7, coulomb_torque_n_m=0.1)
+    p = Joint(
+        **DATA["fitted"],
+        torque_ripple_n_m=0.05,
+        torque_ripple_phase_rad=0.7,
+        coulomb_torque_n_m=0.1,
+    )
     torque_n_m, sample_s = 0.6, 1e-4
-    x = np.array([np.zeros(4), *(state(truth) for truth in run(ElasticJoint(p), [torque_n_m] * 2000, sample_s))])
+    x = np.array(
+        [
+            np.zeros(4),
+            *(state(truth) for truth in run(ElasticJoint(p), [torque_n_m] * 2000, sample_s)),
+        ]
+    )
     (q, w, ql, wl), n = x.T, p.gear_ratio
     assert np.all(np.diff(q) > 0.0)
     stored = 0.5 * p.motor_inertia_kg_m2 * w[-1] ** 2 + 0.5 * p.load_inertia_kg_m2 * wl[-1] ** 2
     stored += 0.5 * p.stiffness_n_m_rad * (q[-1] - n * ql[-1]) ** 2
     stored += p.torque_ripple_n_m / 2.0 * (math.cos(2.0 * q[-1] + 0.7) - math.cos(0.7))
     power = p.motor_friction_n_m_s_rad * w**2 + p.load_friction_n_m_s_rad * wl**2
-    lost = simpson(power + p.elastic_damping_n_m_s_rad * (w - n * wl) ** 2, dx=sample_s) + p.coulomb_torque_n_m * q[-1]
+    lost = (
+        simpson(power + p.elastic_damping_n_m_s_rad * (w - n * wl) ** 2, dx=sample_s)
+        + p.coulomb_torque_n_m * q[-1]
+    )
     assert stored + lost == pytest.approx(torque_n_m * q[-1], rel=1e-9)
 
 
@@ -267,17 +356,28 @@ def test_work_done_is_kinetic_elastic_and_ripple_energy_and_what_the_frictions_t
 def test_without_outer_friction_momentum_is_the_impulse(torques):
     p = Joint(motor_friction_n_m_s_rad=0.0)
     truth = run(ElasticJoint(p), torques)[-1]
-    momentum = p.motor_inertia_kg_m2 * truth.motor_speed_rad_s + p.load_inertia_kg_m2 / p.gear_ratio * truth.load_speed_rad_s
+    momentum = (
+        p.motor_inertia_kg_m2 * truth.motor_speed_rad_s
+        + p.load_inertia_kg_m2 / p.gear_ratio * truth.load_speed_rad_s
+    )
     assert momentum == pytest.approx(math.fsum(torques) * SAMPLE_S, abs=1e-15)
 
 
 def test_an_undamped_joint_keeps_its_energy_for_a_thousand_swings():
-    p = Joint(motor_friction_n_m_s_rad=0.0, elastic_damping_n_m_s_rad=0.0, gear_ratio=1.0, load_inertia_kg_m2=2.7e-4)
+    p = Joint(
+        motor_friction_n_m_s_rad=0.0,
+        elastic_damping_n_m_s_rad=0.0,
+        gear_ratio=1.0,
+        load_inertia_kg_m2=2.7e-4,
+    )
     joint = ElasticJoint(p)
 
     def energy(truth):
         twist = truth.motor_angle_rad - truth.load_angle_rad
-        moving = p.motor_inertia_kg_m2 * truth.motor_speed_rad_s**2 + p.load_inertia_kg_m2 * truth.load_speed_rad_s**2
+        moving = (
+            p.motor_inertia_kg_m2 * truth.motor_speed_rad_s**2
+            + p.load_inertia_kg_m2 * truth.load_speed_rad_s**2
+        )
         return 0.5 * moving + 0.5 * p.stiffness_n_m_rad * twist**2
 
     first, *_, last = run(joint, [1.0] * 5) + run(joint, [0.0] * 7000, 5e-3)
@@ -305,7 +405,10 @@ def test_a_torque_above_the_dry_friction_sets_off_its_way(sign):
 @given(commands)
 def test_the_other_way_is_the_mirror_image(torques):
     params = Joint(coulomb_torque_n_m=0.1, torque_ripple_n_m=0.05, torque_limit_n_m=0.8)
-    one, other = run(ElasticJoint(params), torques), run(ElasticJoint(params), [-torque for torque in torques])
+    one, other = (
+        run(ElasticJoint(params), torques),
+        run(ElasticJoint(params), [-torque for torque in torques]),
+    )
     for a, b in zip(one, other, strict=True):
         assert state(a).tolist() == (-state(b)).tolist()
         assert a.sticking == b.sticking
@@ -345,7 +448,11 @@ def test_the_energy_between_two_motions_never_grows_under_the_same_commands(firs
     for torque_n_m in wiggle(40, 0.4):
         (q, w, ql, wl) = state(run(one, [torque_n_m])[0]) - state(run(other, [torque_n_m])[0])
         twist = q - p.gear_ratio * ql
-        energy = p.motor_inertia_kg_m2 * w**2 + p.load_inertia_kg_m2 * wl**2 + p.stiffness_n_m_rad * twist**2
+        energy = (
+            p.motor_inertia_kg_m2 * w**2
+            + p.load_inertia_kg_m2 * wl**2
+            + p.stiffness_n_m_rad * twist**2
+        )
         assert energy <= before * (1.0 + 1e-12) + 1e-25
         before = energy
 
@@ -364,7 +471,9 @@ def test_ripple_holds_the_motor_where_its_torque_balances_and_a_period_further(c
         return run(joint, [torque_n_m] * 60, 0.1)[-1].motor_angle_rad
 
     first, balanced = rest(0.0), rest(0.1)
-    assert math.remainder(cycles * first + phase_rad - math.pi, 2.0 * math.pi) == pytest.approx(0.0, abs=1e-9)
+    assert math.remainder(cycles * first + phase_rad - math.pi, 2.0 * math.pi) == pytest.approx(
+        0.0, abs=1e-9
+    )
     assert cycles * (balanced - first) == pytest.approx(math.asin(0.1 / 0.2), abs=1e-9)
     run(joint, [0.5] * 10, 0.1)
     turns = (rest(0.0) - first) * cycles / (2.0 * math.pi)
@@ -392,7 +501,9 @@ def test_a_turn_has_as_many_readings_as_the_encoder_counts():
 
 
 def test_an_encoder_without_steps_reads_the_angle_and_its_ripple():
-    params = Joint(encoder_counts_per_rev=0, encoder_ripple_rad=2e-3, encoder_ripple_cycles_per_rev=3.0)
+    params = Joint(
+        encoder_counts_per_rev=0, encoder_ripple_rad=2e-3, encoder_ripple_cycles_per_rev=3.0
+    )
     joint, errors, angles = ElasticJoint(params), [], []
     for truth in (run(joint, [0.3])[0] for _ in range(200)):
         angles.append(truth.motor_angle_rad)
@@ -410,7 +521,9 @@ def test_the_drive_clips_the_command():
 
 
 def test_a_pulse_on_the_motor_is_a_command_between_its_edges():
-    disturbed = ElasticJoint(Joint(disturbances=(Pulse(start_s=0.0013, end_s=0.0047, motor_n_m=0.4),)))
+    disturbed = ElasticJoint(
+        Joint(disturbances=(Pulse(start_s=0.0013, end_s=0.0047, motor_n_m=0.4),))
+    )
     commanded = ElasticJoint(Joint())
     run(disturbed, [0.1] * 8)
     for torque_n_m, duration_s in ((0.1, 0.0013), (0.5, 0.0034), (0.1, 0.0033)):
@@ -420,7 +533,12 @@ def test_a_pulse_on_the_motor_is_a_command_between_its_edges():
 
 def test_pulses_that_overlap_add_up_and_are_over_when_they_end():
     joint = ElasticJoint(
-        Joint(disturbances=(Pulse(start_s=0.0, end_s=0.3, load_n_m=5.4), Pulse(start_s=0.1, end_s=0.2, load_n_m=2.7)))
+        Joint(
+            disturbances=(
+                Pulse(start_s=0.0, end_s=0.3, load_n_m=5.4),
+                Pulse(start_s=0.1, end_s=0.2, load_n_m=2.7),
+            )
+        )
     )
     reads = [joint.read().load_acceleration_rad_s2]
     for _ in range(4):
@@ -429,7 +547,9 @@ def test_pulses_that_overlap_add_up_and_are_over_when_they_end():
         joint.advance(0.0, SAMPLE_S)
         reads.append(joint.read().load_acceleration_rad_s2 - before.load_acceleration_rad_s2)
     assert reads[0] == pytest.approx(2.0, rel=1e-12)  # 5.4 N m on 2.7 kg m2
-    assert reads[1:] == pytest.approx([1.0, -1.0, -2.0, 0.0], abs=0.2)  # a sample's own motion beside the jump
+    assert reads[1:] == pytest.approx(
+        [1.0, -1.0, -2.0, 0.0], abs=0.2
+    )  # a sample's own motion beside the jump
 
 
 def test_the_accelerometer_reads_what_changes_the_load_s_speed():
@@ -444,7 +564,9 @@ def test_the_accelerometer_reads_what_changes_the_load_s_speed():
 
 
 def test_accelerometer_noise_is_white_gaussian_and_of_the_stated_size():
-    joint = ElasticJoint(Joint(accelerometer_noise_rad_s2=0.3, accelerometer_bias_rad_s2=-1.0), seed=4)
+    joint = ElasticJoint(
+        Joint(accelerometer_noise_rad_s2=0.3, accelerometer_bias_rad_s2=-1.0), seed=4
+    )
     noise = []
     for _ in range(20_000):
         joint.advance(0.0, SAMPLE_S)
@@ -453,12 +575,18 @@ def test_accelerometer_noise_is_white_gaussian_and_of_the_stated_size():
     assert abs(z.mean()) < 4.0 / math.sqrt(z.size)
     assert z.std() == pytest.approx(1.0, abs=4.0 / math.sqrt(2.0 * z.size))
     assert abs(np.mean(z[1:] * z[:-1])) < 4.0 / math.sqrt(z.size)
-    assert np.mean(np.abs(z) > 1.959964) == pytest.approx(0.05, abs=4.0 * math.sqrt(0.05 * 0.95 / z.size))
+    assert np.mean(np.abs(z) > 1.959964) == pytest.approx(
+        0.05, abs=4.0 * math.sqrt(0.05 * 0.95 / z.size)
+    )
 
 
 def test_the_same_seed_gives_the_same_readings_however_often_they_are_read():
     params = Joint(accelerometer_noise_rad_s2=0.3)
-    one, same, other = ElasticJoint(params, seed=1), ElasticJoint(params, seed=1), ElasticJoint(params, seed=2)
+    one, same, other = (
+        ElasticJoint(params, seed=1),
+        ElasticJoint(params, seed=1),
+        ElasticJoint(params, seed=2),
+    )
     for torque_n_m in wiggle(10):
         for joint in (one, same, other):
             joint.advance(torque_n_m, SAMPLE_S)
@@ -471,12 +599,19 @@ def test_the_same_seed_gives_the_same_readings_however_often_they_are_read():
 def test_a_ratio_of_one_is_the_same_joint_seen_from_the_motor():
     geared = Joint(**DATA["fitted"], coulomb_torque_n_m=0.05, torque_ripple_n_m=0.02)
     direct = Joint(
-        **DATA["fitted"] | {"gear_ratio": 1.0, "load_inertia_kg_m2": 2.8736758e-4, "load_friction_n_m_s_rad": 4.9173636e-4},
+        **DATA["fitted"]
+        | {
+            "gear_ratio": 1.0,
+            "load_inertia_kg_m2": 2.8736758e-4,
+            "load_friction_n_m_s_rad": 4.9173636e-4,
+        },
         coulomb_torque_n_m=0.05,
         torque_ripple_n_m=0.02,
     )
     scale = np.array([1.0, 1.0, 100.0, 100.0])
-    for a, b in zip(run(ElasticJoint(geared), wiggle(200)), run(ElasticJoint(direct), wiggle(200)), strict=True):
+    for a, b in zip(
+        run(ElasticJoint(geared), wiggle(200)), run(ElasticJoint(direct), wiggle(200)), strict=True
+    ):
         np.testing.assert_allclose(state(a) * scale, state(b), atol=1e-11)
 
 
@@ -517,7 +652,9 @@ def test_a_sample_that_does_not_last_is_refused(duration_s):
 
 def test_a_motor_that_runs_away_is_told():
     joint = ElasticJoint(Joint(motor_friction_n_m_s_rad=0.0))
-    with pytest.raises(ValueError, match=r"motor_speed_rad_s = .*; must be <= 1e\+06: the controller is unstable"):
+    with pytest.raises(
+        ValueError, match=r"motor_speed_rad_s = .*; must be <= 1e\+06: the controller is unstable"
+    ):
         run(joint, [1e5] * 100)
 
 
@@ -566,10 +703,19 @@ def test_a_joint_that_exists_can_be_advanced(key, number):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"stiffness_n_m_rad": 1e9}, r"stiffness_n_m_rad = .* rad/s; must be <= 100000 rad/s: lower it"),
-        ({"elastic_damping_n_m_s_rad": 100.0}, r"elastic_damping_n_m_s_rad = .* rad/s; must be <= 100000"),
+        (
+            {"stiffness_n_m_rad": 1e9},
+            r"stiffness_n_m_rad = .* rad/s; must be <= 100000 rad/s: lower it",
+        ),
+        (
+            {"elastic_damping_n_m_s_rad": 100.0},
+            r"elastic_damping_n_m_s_rad = .* rad/s; must be <= 100000",
+        ),
         ({"motor_inertia_kg_m2": 1e-9}, r"must be <= 100000 rad/s"),
-        ({"encoder_ripple_rad": 0.5, "encoder_ripple_cycles_per_rev": 2.0}, r"their product must be < 1"),
+        (
+            {"encoder_ripple_rad": 0.5, "encoder_ripple_cycles_per_rev": 2.0},
+            r"their product must be < 1",
+        ),
     ],
 )
 def test_parameters_that_do_not_go_together_are_told(changes, message):
@@ -593,16 +739,26 @@ def test_a_pulse_that_cannot_be_is_refused(changes, message):
 
 
 def test_the_door_builds_the_joint_of_a_file_s_table():
-    joint = bench.elastic_joint({"gear_ratio": 50, "disturbances": [{"start_s": 0, "end_s": 1, "load_n_m": 2}]}, 3)
-    assert joint.params == Joint(gear_ratio=50.0, disturbances=(Pulse(start_s=0.0, end_s=1.0, load_n_m=2.0),))
+    joint = bench.elastic_joint(
+        {"gear_ratio": 50, "disturbances": [{"start_s": 0, "end_s": 1, "load_n_m": 2}]}, 3
+    )
+    assert joint.params == Joint(
+        gear_ratio=50.0, disturbances=(Pulse(start_s=0.0, end_s=1.0, load_n_m=2.0),)
+    )
 
 
 @pytest.mark.parametrize(
     ("table", "message"),
     [
-        ({"stifness_n_m_rad": 3.1}, r"\[bench\] stifness_n_m_rad: unknown key, did you mean 'stiffness_n_m_rad'"),
+        (
+            {"stifness_n_m_rad": 3.1},
+            r"\[bench\] stifness_n_m_rad: unknown key, did you mean 'stiffness_n_m_rad'",
+        ),
         ({"gear_ratio": -1}, r"\[bench\] gear_ratio = -1: expected"),
-        ({"stiffness_n_m_rad": 1e9}, r"\[bench\] stiffness_n_m_rad = 1000000000.0 makes a mode of .*must be <= 100000 rad/s"),
+        (
+            {"stiffness_n_m_rad": 1e9},
+            r"\[bench\] stiffness_n_m_rad = 1000000000.0 makes a mode of .*must be <= 100000 rad/s",
+        ),
         ({"disturbances": [{"start_s": 0, "end_s": -1}]}, r"\[bench.disturbances.0\] end_s = -1"),
     ],
 )
@@ -626,4 +782,7 @@ def test_the_first_crossing_is_where_it_first_falls_below_on_a_grid(terms):
         assert below.size == 0
     else:
         assert below.size == 0 or found <= below[0]
-        assert value(terms, found) == pytest.approx(min(terms[0], 0.0), abs=1e-12) or value(terms, found) > 0.0
+        assert (
+            value(terms, found) == pytest.approx(min(terms[0], 0.0), abs=1e-12)
+            or value(terms, found) > 0.0
+        )

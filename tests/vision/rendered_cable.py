@@ -14,7 +14,9 @@ Floats = np.ndarray[Any, np.dtype[np.float64]]
 
 WIDTH, HEIGHT = 640, 480
 PIVOT_PX = (320.0, -40.0)
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(3)  # over a pixel; exact to 1e-4 of the contrast for psf_px >= 0.7
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(
+    3
+)  # over a pixel; exact to 1e-4 of the contrast for psf_px >= 0.7
 BLUR_STEPS = 9
 
 
@@ -41,11 +43,15 @@ class Scene:
         dark = np.zeros((HEIGHT, WIDTH))
         for moment in moments:
             pivot = (self.pivot_px[0] + moment * self.shift_px, self.pivot_px[1])
-            dark += stripe(self.angle_rad + moment * self.turn_rad, pivot, self.width_px, self.psf_px)
+            dark += stripe(
+                self.angle_rad + moment * self.turn_rad, pivot, self.width_px, self.psf_px
+            )
         return self.background - self.contrast / len(moments) * dark
 
 
-def stripe(angle_rad: float, through_px: tuple[float, float], width_px: float, psf_px: float) -> Floats:
+def stripe(
+    angle_rad: float, through_px: tuple[float, float], width_px: float, psf_px: float
+) -> Floats:
     """Darkness 0..1 (HEIGHT, WIDTH) of a stripe: a box of width_px, blurred by a Gaussian, integrated over each pixel."""
     slope, cosine = math.tan(angle_rad), math.cos(angle_rad)
     v = np.arange(HEIGHT)
@@ -56,7 +62,12 @@ def stripe(angle_rad: float, through_px: tuple[float, float], width_px: float, p
     for du, wu in zip(NODES, WEIGHTS, strict=True):
         for dv, wv in zip(NODES, WEIGHTS, strict=True):
             d = (u + du / 2.0 - u0[:, None] - slope * dv / 2.0) * cosine
-            inside += wu * wv / 4.0 * (ndtr((d + width_px / 2.0) / psf_px) - ndtr((d - width_px / 2.0) / psf_px))
+            inside += (
+                wu
+                * wv
+                / 4.0
+                * (ndtr((d + width_px / 2.0) / psf_px) - ndtr((d - width_px / 2.0) / psf_px))
+            )
     dark = np.zeros((HEIGHT, WIDTH))
     seen = (u >= 0) & (u < WIDTH)
     dark[np.broadcast_to(v[:, None], u.shape)[seen], u[seen]] = inside[seen]

@@ -27,7 +27,9 @@ def test_a_steady_turn_is_reported_without_lag_at_its_stamp() -> None:
     average = MovingAverage(3, GAP_NS)
     for k in range(10):
         out = average.add(k * PERIOD_NS, 0.5 * k * 0.02, 1e-5)
-        assert out.angle_rad == pytest.approx(0.5 * out.t_ns * 1e-9, abs=1e-12)  # also while the window fills
+        assert out.angle_rad == pytest.approx(
+            0.5 * out.t_ns * 1e-9, abs=1e-12
+        )  # also while the window fills
     assert out.t_ns == 8 * PERIOD_NS  # one period behind the newest of three
 
 
@@ -53,7 +55,9 @@ def test_the_combined_sigma_is_the_scatter_of_the_average() -> None:
 
 
 @pytest.mark.parametrize("t_ns", [3 * PERIOD_NS, PERIOD_NS, 0])
-def test_a_missing_frame_or_a_stamp_that_does_not_advance_starts_the_window_again(t_ns: int) -> None:
+def test_a_missing_frame_or_a_stamp_that_does_not_advance_starts_the_window_again(
+    t_ns: int,
+) -> None:
     average = MovingAverage(3, GAP_NS)
     for k in range(2):
         average.add(k * PERIOD_NS, 0.3, 1e-5)

@@ -28,7 +28,9 @@ def test_the_offset_never_leaves_the_range_of_the_table(x_m: float) -> None:
 
 
 @pytest.mark.parametrize(("x_m", "offset_rad"), [(-0.1, 0.001), (0.2, -0.0035)])
-def test_outside_its_points_the_table_keeps_its_end_and_says_so_beyond_the_tolerance(x_m: float, offset_rad: float) -> None:
+def test_outside_its_points_the_table_keeps_its_end_and_says_so_beyond_the_tolerance(
+    x_m: float, offset_rad: float
+) -> None:
     table, out = OffsetTable(X_M, OFFSET_RAD), np.sign(x_m)
     assert table.at(x_m + 0.9 * TOLERANCE_M * out) == (offset_rad, True)
     assert table.at(x_m + 1.1 * TOLERANCE_M * out) == (offset_rad, False)
@@ -50,7 +52,9 @@ def test_a_table_of_one_point_holds_near_that_point_only() -> None:
         ([0.0, float("nan")], [0.0, 0.0], "nan"),
     ],
 )
-def test_a_table_that_is_no_function_of_position_is_refused(x_m: list[float], offset_rad: list[float], said: str) -> None:
+def test_a_table_that_is_no_function_of_position_is_refused(
+    x_m: list[float], offset_rad: list[float], said: str
+) -> None:
     with pytest.raises(VisionError, match=said):
         OffsetTable(x_m, offset_rad)
 
@@ -61,7 +65,11 @@ def test_the_pivot_moves_right_with_the_platform_and_stays_in_its_row() -> None:
     assert pivot.pivot_px(0.1) == pytest.approx((372.0, -40.0))
 
 
-@pytest.mark.parametrize(("home_px", "pixels_per_m"), [((320.0, -40.0), 0.0), ((float("inf"), 0.0), 500.0)])
-def test_an_impossible_pivot_model_is_refused(home_px: tuple[float, float], pixels_per_m: float) -> None:
+@pytest.mark.parametrize(
+    ("home_px", "pixels_per_m"), [((320.0, -40.0), 0.0), ((float("inf"), 0.0), 500.0)]
+)
+def test_an_impossible_pivot_model_is_refused(
+    home_px: tuple[float, float], pixels_per_m: float
+) -> None:
     with pytest.raises(VisionError, match="calibrate"):
         PivotModel(home_px=home_px, pixels_per_m=pixels_per_m)

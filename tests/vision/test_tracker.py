@@ -37,7 +37,12 @@ def error_rad(fit: Fit, truth_rad: float) -> float:
     return fit.angle_rad - truth_rad
 
 
-def errors_rad(camera: Camera, angles_rad: Iterable[float], pivot_px: tuple[float, float] = PIVOT_PX, **scene: float) -> Floats:
+def errors_rad(
+    camera: Camera,
+    angles_rad: Iterable[float],
+    pivot_px: tuple[float, float] = PIVOT_PX,
+    **scene: float,
+) -> Floats:
     images = ((camera.expose(Scene(angle_rad=a, **scene).light()), a) for a in angles_rad)  # type: ignore[arg-type]
     return np.array([error_rad(cold(image, pivot_px), a) for image, a in images])
 
@@ -48,7 +53,9 @@ def test_over_20_degrees_each_way_the_angle_is_as_exact_as_the_noise_allows(came
     assert abs(np.mean(errors)) < 0.005 * MRAD
 
 
-def test_within_10_mrad_the_angle_is_linear_and_never_off_by_a_tenth_of_a_milliradian(camera: Camera) -> None:
+def test_within_10_mrad_the_angle_is_linear_and_never_off_by_a_tenth_of_a_milliradian(
+    camera: Camera,
+) -> None:
     angles = np.linspace(-10.0, 10.0, 200) * MRAD
     errors = errors_rad(camera, angles)
     assert np.abs(errors).max() < 0.1 * MRAD
@@ -73,15 +80,22 @@ def test_sigma_is_the_scatter_of_the_angle(camera: Camera, scene: dict[str, floa
 def test_a_swing_is_followed_as_exactly_as_single_pictures_are_measured(camera: Camera) -> None:
     tracker = Tracker(WIDTH, HEIGHT)
     swing = 0.3 * np.sin(3.2 * 0.02 * np.arange(100))  # 0.96 rad/s at 50 Hz
-    errors = [error_rad(tracker.measure(camera.expose(Scene(angle_rad=a).light()), PIVOT_PX), a) for a in swing]
+    errors = [
+        error_rad(tracker.measure(camera.expose(Scene(angle_rad=a).light()), PIVOT_PX), a)
+        for a in swing
+    ]
     assert np.std(errors) < 0.016 * MRAD
 
 
-def test_the_cable_is_followed_while_platform_and_cable_move_during_the_exposure(camera: Camera) -> None:
+def test_the_cable_is_followed_while_platform_and_cable_move_during_the_exposure(
+    camera: Camera,
+) -> None:
     tracker, errors = Tracker(WIDTH, HEIGHT), []
     for k in range(30):
         angle, pivot = 0.1 * math.sin(0.064 * k), (250.0 + 2.5 * k, -40.0)
-        scene = Scene(angle_rad=angle, pivot_px=pivot, turn_rad=0.0032 * math.cos(0.064 * k), shift_px=1.25)
+        scene = Scene(
+            angle_rad=angle, pivot_px=pivot, turn_rad=0.0032 * math.cos(0.064 * k), shift_px=1.25
+        )
         errors.append(error_rad(tracker.measure(camera.expose(scene.light()), pivot), angle))
     assert np.abs(errors).max() < 0.1 * MRAD
 
@@ -119,21 +133,30 @@ def counted(monkeypatch: pytest.MonkeyPatch, name: str, function: Callable[..., 
 
 
 @pytest.mark.parametrize("following", [True, False])
-def test_one_newton_step_a_picture_is_enough(camera: Camera, monkeypatch: pytest.MonkeyPatch, following: bool) -> None:
+def test_one_newton_step_a_picture_is_enough(
+    camera: Camera, monkeypatch: pytest.MonkeyPatch, following: bool
+) -> None:
     tracker, steps = Tracker(WIDTH, HEIGHT), counted(monkeypatch, "row_offsets", row_offsets)
-    searches, strips = counted(monkeypatch, "search", search), counted(monkeypatch, "coarse_line", coarse_line)
+    searches, strips = (
+        counted(monkeypatch, "search", search),
+        counted(monkeypatch, "coarse_line", coarse_line),
+    )
     for k in range(43):
         if k == 3:  # three angles are known
             del steps[:], searches[:], strips[:]
         if not following:
             tracker.forget()
-        assert tracker.measure(camera.expose(Scene(angle_rad=0.3 * math.sin(0.064 * k)).light()), PIVOT_PX).valid
+        assert tracker.measure(
+            camera.expose(Scene(angle_rad=0.3 * math.sin(0.064 * k)).light()), PIVOT_PX
+        ).valid
     assert len(steps) <= 42  # of 40 pictures
     assert len(searches) == (0 if following else 40)
     assert not strips
 
 
-def test_a_jump_surprises_in_two_pictures_only(camera: Camera, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_jump_surprises_in_two_pictures_only(
+    camera: Camera, monkeypatch: pytest.MonkeyPatch
+) -> None:
     tracker, strips = Tracker(WIDTH, HEIGHT), counted(monkeypatch, "coarse_line", coarse_line)
     for angle in [0.0, 0.0, 0.0, *[0.02] * 5]:
         assert tracker.measure(camera.expose(Scene(angle_rad=angle).light()), PIVOT_PX).valid
@@ -149,29 +172,50 @@ def test_the_angle_does_not_depend_on_where_the_prediction_led(camera: Camera) -
 
 
 @pytest.mark.parametrize("jump_rad", [1 * MRAD, 5 * MRAD, 20 * MRAD, 60 * MRAD, 200 * MRAD])
-def test_a_cable_that_jumps_between_two_pictures_is_found_where_it_is(camera: Camera, jump_rad: float) -> None:
+def test_a_cable_that_jumps_between_two_pictures_is_found_where_it_is(
+    camera: Camera, jump_rad: float
+) -> None:
     for start in (-0.2, 0.01):
         tracker = Tracker(WIDTH, HEIGHT)
-        angles = [start, start + 0.01, start + 0.02, start + 0.03 + jump_rad, start + 0.04 + jump_rad]
-        errors = [error_rad(tracker.measure(camera.expose(Scene(angle_rad=a).light()), PIVOT_PX), a) for a in angles]
+        angles = [
+            start,
+            start + 0.01,
+            start + 0.02,
+            start + 0.03 + jump_rad,
+            start + 0.04 + jump_rad,
+        ]
+        errors = [
+            error_rad(tracker.measure(camera.expose(Scene(angle_rad=a).light()), PIVOT_PX), a)
+            for a in angles
+        ]
         assert np.abs(errors).max() < 0.15 * MRAD
 
 
 @pytest.mark.parametrize("bar_px", [0.0, 10.0, 14.0])
-def test_a_cable_that_is_gone_or_behind_a_bar_is_not_followed(camera: Camera, bar_px: float) -> None:
+def test_a_cable_that_is_gone_or_behind_a_bar_is_not_followed(
+    camera: Camera, bar_px: float
+) -> None:
     tracker = Tracker(WIDTH, HEIGHT)
     for _ in range(3):
         assert tracker.measure(camera.expose(Scene(angle_rad=0.1).light()), PIVOT_PX).valid
-    empty = np.full((HEIGHT, WIDTH), 210.0) - (165.0 * stripe(0.1, PIVOT_PX, bar_px, 0.8) if bar_px else 0.0)
+    empty = np.full((HEIGHT, WIDTH), 210.0) - (
+        165.0 * stripe(0.1, PIVOT_PX, bar_px, 0.8) if bar_px else 0.0
+    )
     assert not tracker.measure(camera.expose(empty), PIVOT_PX, predicted_angle_rad=0.1).valid
 
 
 @pytest.mark.parametrize("off_px", [-3.0, 3.0])
-def test_a_pivot_predicted_3_px_off_costs_nothing_and_is_told(camera: Camera, off_px: float) -> None:
+def test_a_pivot_predicted_3_px_off_costs_nothing_and_is_told(
+    camera: Camera, off_px: float
+) -> None:
     angles = np.radians(np.linspace(-20.0, 20.0, 30))
     tracker = Tracker(WIDTH, HEIGHT)
     for angle in angles:
-        fit = tracker.measure(camera.expose(Scene(angle_rad=angle).light()), (PIVOT_PX[0] + off_px, PIVOT_PX[1]), angle)
+        fit = tracker.measure(
+            camera.expose(Scene(angle_rad=angle).light()),
+            (PIVOT_PX[0] + off_px, PIVOT_PX[1]),
+            angle,
+        )
         assert abs(error_rad(fit, angle)) < 0.06 * MRAD
         assert fit.pivot_miss_px == pytest.approx(-off_px, abs=0.05)
 
@@ -183,8 +227,12 @@ def test_a_pivot_predicted_8_px_off_is_refused_with_its_miss(camera: Camera) -> 
     assert fit.pivot_miss_px == pytest.approx(8.0, abs=0.1)
 
 
-@pytest.mark.parametrize("predicted_rad", [-0.2, -0.8, 0.8, 1.5])  # some of these lines leave the picture
-def test_when_the_prediction_fails_the_whole_picture_is_searched(camera: Camera, predicted_rad: float) -> None:
+@pytest.mark.parametrize(
+    "predicted_rad", [-0.2, -0.8, 0.8, 1.5]
+)  # some of these lines leave the picture
+def test_when_the_prediction_fails_the_whole_picture_is_searched(
+    camera: Camera, predicted_rad: float
+) -> None:
     tracker = Tracker(WIDTH, HEIGHT)
     image = camera.expose(Scene(angle_rad=0.2).light())
     assert abs(error_rad(tracker.measure(image, PIVOT_PX, predicted_rad), 0.2)) < 0.1 * MRAD
@@ -201,13 +249,17 @@ def crossing_line(light: Floats, scene: Scene, rng: np.random.Generator) -> Floa
     """A second thin line that crosses the cable in the picture at 30 to 200 mrad."""
     v, turn = rng.uniform(100.0, 400.0), rng.choice([-1, 1]) * rng.uniform(0.03, 0.2)
     crossing = (PIVOT_PX[0] + math.tan(scene.angle_rad) * (v + 40.0), v)
-    return light - 150.0 * np.minimum(stripe(scene.angle_rad + turn, crossing, 2.5, 0.8), (light - 45.0) / 165.0)
+    return light - 150.0 * np.minimum(
+        stripe(scene.angle_rad + turn, crossing, 2.5, 0.8), (light - 45.0) / 165.0
+    )
 
 
 def parallel_line(light: Floats, scene: Scene, rng: np.random.Generator) -> Floats:
     """A second thin line 7 to 30 px beside the cable, within 10 mrad of its direction."""
     beside = PIVOT_PX[0] + rng.choice([-1, 1]) * rng.uniform(7.0, 30.0)
-    return light - 165.0 * stripe(scene.angle_rad + rng.uniform(-0.01, 0.01), (beside, -40.0), 2.5, 0.8)
+    return light - 165.0 * stripe(
+        scene.angle_rad + rng.uniform(-0.01, 0.01), (beside, -40.0), 2.5, 0.8
+    )
 
 
 def bob(light: Floats, scene: Scene, rng: np.random.Generator) -> Floats:
@@ -244,7 +296,9 @@ def untouched(light: Floats, scene: Scene, rng: np.random.Generator) -> Floats:
     return light
 
 
-CASES: dict[str, tuple[Change, dict[str, float], float]] = {  # what happens, the scene, share that must be measured
+CASES: dict[
+    str, tuple[Change, dict[str, float], float]
+] = {  # what happens, the scene, share that must be measured
     "bar": (bar, {}, 0.95),
     "crossing line": (crossing_line, {}, 0.6),
     "parallel line": (parallel_line, {}, 0.6),
@@ -307,7 +361,9 @@ def test_a_picture_of_one_grey_is_a_bad_image(grey: int) -> None:
     assert fit.saturation == (grey == 255)
 
 
-@pytest.mark.parametrize("image", [np.zeros((HEIGHT, WIDTH - 1), np.uint8), np.zeros((HEIGHT, WIDTH), np.uint16)])
+@pytest.mark.parametrize(
+    "image", [np.zeros((HEIGHT, WIDTH - 1), np.uint8), np.zeros((HEIGHT, WIDTH), np.uint16)]
+)
 def test_a_picture_of_another_size_or_type_is_a_bad_image(image: Grey) -> None:
     assert cold(image).reason is Reason.BAD_IMAGE
 
@@ -317,11 +373,18 @@ def test_no_picture_makes_the_tracker_raise() -> None:
     trackers = [Tracker(WIDTH, HEIGHT), Tracker(67, 81)]
     for k in range(60):
         tracker = trackers[k % 2]
-        image = rng.integers(0, 256, (tracker.height, tracker.width)).astype(np.uint8) // rng.choice([1, 64, 255])
+        image = rng.integers(0, 256, (tracker.height, tracker.width)).astype(
+            np.uint8
+        ) // rng.choice([1, 64, 255])
         for _ in range(rng.integers(0, 6)):  # hard-edged boxes, thin ones among them
             v, u = rng.integers(tracker.height), rng.integers(tracker.width)
-            image[v : v + rng.integers(1, 481), u : u + rng.choice([1, 2, 3, 20])] = rng.choice([0, 255])
-        pivot = (float(rng.uniform(-50, tracker.width + 50)), float(rng.uniform(-60, tracker.height + 60)))
+            image[v : v + rng.integers(1, 481), u : u + rng.choice([1, 2, 3, 20])] = rng.choice(
+                [0, 255]
+            )
+        pivot = (
+            float(rng.uniform(-50, tracker.width + 50)),
+            float(rng.uniform(-60, tracker.height + 60)),
+        )
         predicted = None if k % 3 else float(rng.uniform(-1.5, 1.5))
         fit = tracker.measure(image, pivot, predicted)
         assert fit.valid is (fit.angle_rad is not None)

@@ -86,10 +86,14 @@ def look(vision: VisionTask, pixels: Grey, start_ns: int, **kind: Any) -> AngleS
 
 
 def cable_at(camera: Camera, angle_rad: float, x_m: float = 0.0) -> Grey:
-    return camera.expose(Scene(angle_rad=angle_rad, pivot_px=(PIVOT_PX[0] + PIXELS_PER_M * x_m, PIVOT_PX[1])).light())
+    return camera.expose(
+        Scene(angle_rad=angle_rad, pivot_px=(PIVOT_PX[0] + PIXELS_PER_M * x_m, PIVOT_PX[1])).light()
+    )
 
 
-def test_an_angle_leaves_after_the_processing_time_and_is_stamped_at_mid_exposure(camera: Camera) -> None:
+def test_an_angle_leaves_after_the_processing_time_and_is_stamped_at_mid_exposure(
+    camera: Camera,
+) -> None:
     vision = task(processing_ns=3 * MS)
     vision.on_message("platform", platform(100 * MS, 0.05), 102 * MS)
     sample = look(vision, cable_at(camera, 0.1, 0.05), 100 * MS)
@@ -126,13 +130,19 @@ def test_the_offset_is_taken_off_at_the_platform_of_each_frame(camera: Camera) -
 def test_the_platform_is_interpolated_to_mid_exposure_along_a_smooth_move(camera: Camera) -> None:
     vision = task()
     for t_s in (0.09, 0.10, 0.11):
-        vision.on_message("platform", platform(round(t_s * 1e9), t_s**3, 3.0 * t_s**2), round(t_s * 1e9))
-    sample = look(vision, cable_at(camera, 0.0), 100 * MS)  # a cubic passes Hermite interpolation unchanged
+        vision.on_message(
+            "platform", platform(round(t_s * 1e9), t_s**3, 3.0 * t_s**2), round(t_s * 1e9)
+        )
+    sample = look(
+        vision, cable_at(camera, 0.0), 100 * MS
+    )  # a cubic passes Hermite interpolation unchanged
     assert sample.platform_m == pytest.approx(0.105**3, abs=1e-12)
 
 
 @pytest.mark.parametrize(("age_ms", "known"), [(19, True), (21, False)])
-def test_the_platform_is_extrapolated_20_ms_and_no_further(camera: Camera, age_ms: int, known: bool) -> None:
+def test_the_platform_is_extrapolated_20_ms_and_no_further(
+    camera: Camera, age_ms: int, known: bool
+) -> None:
     vision = task()
     vision.on_message("platform", platform((105 - age_ms) * MS, 0.01, 0.2), 100 * MS)
     x_m = 0.01 + 0.2 * age_ms * 1e-3
@@ -149,13 +159,20 @@ def test_a_platform_message_older_than_the_newest_changes_nothing(camera: Camera
     assert look(vision, cable_at(camera, 0.0, 0.02), 100 * MS).platform_m == 0.02
 
 
-def test_an_invalid_frame_gives_a_reason_and_no_value_and_restarts_the_average(camera: Camera) -> None:
+def test_an_invalid_frame_gives_a_reason_and_no_value_and_restarts_the_average(
+    camera: Camera,
+) -> None:
     vision = task()
     vision.on_message("platform", platform(45 * MS, 0.0), 46 * MS)
     look(vision, cable_at(camera, 0.1), 30 * MS)
     lost = look(vision, camera.expose(Scene(contrast=0.0).light()), 50 * MS)
     assert (lost.valid, lost.reason) == (False, Reason.NO_CABLE)
-    assert (lost.angle_rad, lost.sigma_rad, lost.raw_rad, lost.offset_rad) == (None, None, None, None)
+    assert (lost.angle_rad, lost.sigma_rad, lost.raw_rad, lost.offset_rad) == (
+        None,
+        None,
+        None,
+        None,
+    )
     vision.on_message("platform", platform(65 * MS, 0.0), 66 * MS)
     again = look(vision, cable_at(camera, 0.2), 60 * MS)
     assert again.t_valid_ns == 65 * MS
@@ -174,7 +191,9 @@ def test_a_colour_picture_is_read_in_its_red_plane(camera: Camera) -> None:
     vision.on_message("platform", platform(105 * MS, 0.0), 106 * MS)
     red = cable_at(camera, -0.1)
     picture = np.stack([cable_at(camera, 0.3), np.full_like(red, 40), red], axis=2)
-    assert look(vision, picture, 100 * MS, encoding="bgr8").angle_rad == pytest.approx(-0.1, abs=1e-4)
+    assert look(vision, picture, 100 * MS, encoding="bgr8").angle_rad == pytest.approx(
+        -0.1, abs=1e-4
+    )
 
 
 @pytest.mark.parametrize(
@@ -184,7 +203,10 @@ def test_a_colour_picture_is_read_in_its_red_plane(camera: Camera) -> None:
 def test_a_picture_of_the_wrong_size_is_a_bad_image(shape: tuple[int, ...], encoding: str) -> None:
     vision = task()
     vision.on_message("platform", platform(105 * MS, 0.0), 106 * MS)
-    assert look(vision, np.zeros(shape, np.uint8), 100 * MS, encoding=encoding).reason is Reason.BAD_IMAGE
+    assert (
+        look(vision, np.zeros(shape, np.uint8), 100 * MS, encoding=encoding).reason
+        is Reason.BAD_IMAGE
+    )
 
 
 def test_a_rolling_shutter_s_angle_is_true_when_the_last_rows_are_read(camera: Camera) -> None:
@@ -202,7 +224,9 @@ def test_a_rolling_shutter_s_angle_is_true_when_the_last_rows_are_read(camera: C
 
 @pytest.mark.parametrize("verb", list(Verb))
 def test_every_order_is_answered_with_its_id_and_changes_nothing(verb: Verb) -> None:
-    step = task().on_message("command", Command(seq=4, t_ns=1, id=77, to="vision", verb=verb), 5 * MS)
+    step = task().on_message(
+        "command", Command(seq=4, t_ns=1, id=77, to="vision", verb=verb), 5 * MS
+    )
     (send,) = step.sends
     assert isinstance(send.message, Reply)
     assert (send.channel, send.at_ns) == ("reply", 5 * MS)
@@ -263,14 +287,18 @@ def test_a_file_that_is_no_video_is_refused_in_one_voice(tmp_path: Path, name: s
         "try: video_frames(Path(sys.argv[1]))\n"
         "except VisionError as e: sys.exit('refused: ' + str(e))"
     )
-    run = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=False)
+    run = subprocess.run(
+        [sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=False
+    )
     assert run.stderr.startswith("refused: ")
     assert "1200 bytes" in run.stderr
     assert run.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize("fps", [0.1, 90_000.0, math.nan])
-def test_a_nonsense_frame_rate_is_refused(tmp_path: Path, fps: float, monkeypatch: pytest.MonkeyPatch, camera: Camera) -> None:
+def test_a_nonsense_frame_rate_is_refused(
+    tmp_path: Path, fps: float, monkeypatch: pytest.MonkeyPatch, camera: Camera
+) -> None:
     path = written_video(tmp_path / "one.avi", [cable_at(camera, 0.0)], 50.0)
 
     class Misreporting:

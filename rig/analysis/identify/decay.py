@@ -17,7 +17,9 @@ Numbers = npt.NDArray[Any]  # float, or complex while a derivative is taken
 
 MIN_SAMPLES = 20
 MIN_PERIODS = 0.8  # below this, offset and swing are one curve
-FASTEST_HZ = 5.0  # a cable of 10 mm; whatever is faster is no swing (monitor flicker comes back at 10 Hz)
+FASTEST_HZ = (
+    5.0  # a cable of 10 mm; whatever is faster is no swing (monitor flicker comes back at 10 Hz)
+)
 MAX_DAMPING_RATIO = 0.5
 STANDS_OUT = 30.0  # fall of chi^2; white noise alone passed it in 2 records of 4600, 4 to 24 s long
 
@@ -43,23 +45,34 @@ class DecayFit:
 
     def angle(self, t_s: Array) -> Array:
         """Angle [rad] at t_s (any shape), offset included, as it was before any moving average."""
-        angle: Array = _free_swing(self._parameters(), np.asarray(t_s) - self.t_start_s, average_frames=1, frame_period_s=0.0)
+        angle: Array = _free_swing(
+            self._parameters(),
+            np.asarray(t_s) - self.t_start_s,
+            average_frames=1,
+            frame_period_s=0.0,
+        )
         return angle
 
     def amplitude_at(self, t_s: Array) -> Array:
         """Decaying amplitude [rad] (turning points about the offset) at t_s (any shape)."""
         _, decay_1_s, amplitude_rad, _, _ = self._parameters()
-        B = _action_amplitude(amplitude_rad) * np.exp(-decay_1_s * (np.asarray(t_s) - self.t_start_s))
+        B = _action_amplitude(amplitude_rad) * np.exp(
+            -decay_1_s * (np.asarray(t_s) - self.t_start_s)
+        )
         amplitude: Array = B * (1 + 5 / 192 * B**2)
         return amplitude
 
     def _parameters(self) -> Array:
         w0 = 2 * math.pi * self.natural_frequency_hz
         wd = w0 * math.sqrt(1 - self.damping_ratio**2)
-        return np.array([wd, w0 * self.damping_ratio, self.amplitude_rad, self.phase_rad, self.offset_rad])
+        return np.array(
+            [wd, w0 * self.damping_ratio, self.amplitude_rad, self.phase_rad, self.offset_rad]
+        )
 
 
-def fit_decay(t_s: Array, angle_rad: Array, *, average_frames: int = 1, frame_period_s: float = 0.02) -> DecayFit:
+def fit_decay(
+    t_s: Array, angle_rad: Array, *, average_frames: int = 1, frame_period_s: float = 0.02
+) -> DecayFit:
     """Least-squares fit of a damped nonlinear pendulum to a free swing with an unknown offset.
 
     t_s (N,) are true stamps, strictly increasing, gaps and jitter allowed; angle_rad (N,), each the centred mean of
@@ -77,10 +90,15 @@ def fit_decay(t_s: Array, angle_rad: Array, *, average_frames: int = 1, frame_pe
     with np.errstate(all="ignore"):  # steps that overflow are refused by their cost
         p = _levenberg_marquardt(model, y, _start(tau, y))
     J, residual = _derivative(model, p), y - model(p)
-    influence = np.asarray(np.linalg.pinv(J), dtype=np.float64)  # (5, N): what a sample does to each parameter
+    influence = np.asarray(
+        np.linalg.pinv(J), dtype=np.float64
+    )  # (5, N): what a sample does to each parameter
     spread = _noise_gain(influence, tau, average_frames, frame_period_s)
     variance = float(residual @ residual) / _freedom(spread, J)
-    hidden = y.size * float(np.var(y)) - float(residual @ residual) < STANDS_OUT * variance * average_frames
+    hidden = (
+        y.size * float(np.var(y)) - float(residual @ residual)
+        < STANDS_OUT * variance * average_frames
+    )
     to_report = _derivative(_reported, p)
     sigma = np.sqrt(variance * np.diag(to_report @ spread @ to_report.T))
     return _named(p, sigma, hidden, residual, t)
@@ -96,7 +114,9 @@ def cable_length_m(natural_frequency_hz: float, gravity_m_s2: float = 9.81) -> f
     return gravity_m_s2 / (2 * math.pi * natural_frequency_hz) ** 2
 
 
-def cable_length_sigma_m(natural_frequency_hz: float, sigma_hz: float, gravity_m_s2: float = 9.81) -> float:
+def cable_length_sigma_m(
+    natural_frequency_hz: float, sigma_hz: float, gravity_m_s2: float = 9.81
+) -> float:
     """Standard deviation of cable_length_m: L goes with the frequency to the power -2."""
     return 2 * cable_length_m(natural_frequency_hz, gravity_m_s2) * sigma_hz / natural_frequency_hz
 
@@ -114,11 +134,17 @@ def _free_swing(p: Numbers, tau: Array, *, average_frames: int, frame_period_s: 
     B0 = _action_amplitude(amplitude)
     B = B0 * np.exp(-decay * tau)
     BB = B * B
-    slower = _decaying_integral(2 * decay, tau) * (B0**2 / 16 + 3 / 2048 * B0**2 * (B0**2 + BB))  # integral of 1 - w/w0
+    slower = _decaying_integral(2 * decay, tau) * (
+        B0**2 / 16 + 3 / 2048 * B0**2 * (B0**2 + BB)
+    )  # integral of 1 - w/w0
     c = np.cos(wd * tau - w0 * slower + phase)
-    turned = w0 * (1 - B0**2 / 16) * frame_period_s  # phase from frame to frame; its change with decay is negligible
+    turned = (
+        w0 * (1 - B0**2 / 16) * frame_period_s
+    )  # phase from frame to frame; its change with decay is negligible
     first, third = _average_gain(turned, average_frames), _average_gain(3 * turned, average_frames)
-    swing: Numbers = offset + B * c * (first * (1 + BB / 32) - third * BB / 192 * (4 * c * c - 3))  # cos(3 psi) / cos(psi)
+    swing: Numbers = offset + B * c * (
+        first * (1 + BB / 32) - third * BB / 192 * (4 * c * c - 3)
+    )  # cos(3 psi) / cos(psi)
     return swing
 
 
@@ -136,7 +162,11 @@ def _decaying_integral(rate: Any, tau: Array) -> Numbers:
 
 def _average_gain(phase_a_frame: Any, frames: int) -> Any:
     """Gain of the centred mean of N frames: sin(N x/2) / (N sin(x/2)), x = phase gained from frame to frame."""
-    return 1.0 if frames == 1 else np.sin(frames * phase_a_frame / 2) / (frames * np.sin(phase_a_frame / 2))
+    return (
+        1.0
+        if frames == 1
+        else np.sin(frames * phase_a_frame / 2) / (frames * np.sin(phase_a_frame / 2))
+    )
 
 
 def _derivative(f: Callable[[Numbers], Numbers], p: Array) -> Array:
@@ -166,7 +196,9 @@ def _strongest_frequency_hz(tau: Array, y: Array) -> float:
     power, frequency_hz = np.abs(np.fft.rfft(z - z.mean(), size)), np.fft.rfftfreq(size, step)
     swings = (frequency_hz >= 0.5 / grid[-1]) & (frequency_hz <= FASTEST_HZ)
     if not swings.any():
-        raise AnalysisError(f"{grid[-1]:.3f} s is less than half a swing at {FASTEST_HZ} Hz: watch longer")
+        raise AnalysisError(
+            f"{grid[-1]:.3f} s is less than half a swing at {FASTEST_HZ} Hz: watch longer"
+        )
     return float(frequency_hz[swings][np.argmax(power[swings])])
 
 
@@ -215,7 +247,9 @@ def _freedom(spread: Array, J: Array) -> float:
     """Expected sum of squared residuals of samples of unit variance: N minus the variance the model takes up."""
     freedom = float(J.shape[0] - np.sum((J @ spread) * J))
     if freedom < 1:
-        raise AnalysisError(f"{J.shape[0]} samples leave {freedom:.1f} degrees of freedom; need 1: watch longer")
+        raise AnalysisError(
+            f"{J.shape[0]} samples leave {freedom:.1f} degrees of freedom; need 1: watch longer"
+        )
     return freedom
 
 
@@ -229,7 +263,9 @@ def _named(p: Array, sigma: Array, hidden: bool, residual: Array, t: Array) -> D
     frequency_hz, damping_ratio, amplitude, phase, offset = map(float, _reported(p))
     periods = float(t[-1] - t[0]) * frequency_hz
     if periods < MIN_PERIODS and not hidden:
-        raise AnalysisError(f"{periods:.2f} periods in {t[-1] - t[0]:.2f} s; need {MIN_PERIODS}: watch longer")
+        raise AnalysisError(
+            f"{periods:.2f} periods in {t[-1] - t[0]:.2f} s; need {MIN_PERIODS}: watch longer"
+        )
     return DecayFit(
         t_start_s=float(t[0]),
         natural_frequency_hz=frequency_hz,
@@ -251,13 +287,21 @@ def _named(p: Array, sigma: Array, hidden: bool, residual: Array, t: Array) -> D
 def _checked(t_s: Array, angle_rad: Array, average_frames: int) -> tuple[Array, Array]:
     t, y = np.asarray(t_s, dtype=np.float64), np.asarray(angle_rad, dtype=np.float64)
     if t.ndim != 1 or t.shape != y.shape:
-        raise AnalysisError(f"t_s has shape {t.shape}, angle_rad {y.shape}; need two equal (N,): pass one angle a stamp")
+        raise AnalysisError(
+            f"t_s has shape {t.shape}, angle_rad {y.shape}; need two equal (N,): pass one angle a stamp"
+        )
     if t.size < MIN_SAMPLES:
-        raise AnalysisError(f"{t.size} samples; need {MIN_SAMPLES}: watch longer, or see why frames were refused")
+        raise AnalysisError(
+            f"{t.size} samples; need {MIN_SAMPLES}: watch longer, or see why frames were refused"
+        )
     if not (np.isfinite(t).all() and np.isfinite(y).all() and np.diff(t).min() > 0):
-        raise AnalysisError("stamps must rise and all values be finite: pass valid samples only, ordered by stamp")
+        raise AnalysisError(
+            "stamps must rise and all values be finite: pass valid samples only, ordered by stamp"
+        )
     if average_frames < 1:
-        raise AnalysisError(f"average_frames = {average_frames}; must be >= 1: 1 means frames that were not averaged")
+        raise AnalysisError(
+            f"average_frames = {average_frames}; must be >= 1: 1 means frames that were not averaged"
+        )
     if np.ptp(y) == 0:
         raise AnalysisError(
             f"angle_rad = {y[0]:g} in all {y.size} samples: nothing swings, or the tracker holds its last value"

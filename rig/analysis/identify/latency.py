@@ -36,13 +36,21 @@ def command_latency_s(t_s: Array, actual_m: Array, plan: Callable[[Array], Array
     move, measured = _moving(planned), CubicSpline(t, actual)
 
     def mismatch(delay_s: float) -> float:
-        at_s = np.clip(t[move] + delay_s, t[0], t[-1])  # the platform rests beyond both ends of the log
+        at_s = np.clip(
+            t[move] + delay_s, t[0], t[-1]
+        )  # the platform rests beyond both ends of the log
         return float(np.mean((measured(at_s) - planned[move]) ** 2))
 
     return _best_delay_s(mismatch, EARLIEST_S, LATEST_S)
 
 
-def alignment_s(t_valid_s: Array, angle_rad: Array, t_truth_s: Array, truth_angle_rad: Array, truth_rate_rad_s: Array) -> float:
+def alignment_s(
+    t_valid_s: Array,
+    angle_rad: Array,
+    t_truth_s: Array,
+    truth_angle_rad: Array,
+    truth_rate_rad_s: Array,
+) -> float:
     """Delay [s] of the measured swing (N,) behind the truth (M,), positive = measured late, by least rms mismatch.
 
     Samples within 0.26 s of the truth's ends are left out, for every tried delay has to meet the same samples.
@@ -51,23 +59,35 @@ def alignment_s(t_valid_s: Array, angle_rad: Array, t_truth_s: Array, truth_angl
     t, angle = _within(t_valid_s, angle_rad, t_truth_s, MAX_MISALIGNMENT_S + COARSE_STEP_S)
 
     def mismatch(delay_s: float) -> float:
-        return float(np.mean((angle - truth_at(t - delay_s, t_truth_s, truth_angle_rad, truth_rate_rad_s)) ** 2))
+        return float(
+            np.mean(
+                (angle - truth_at(t - delay_s, t_truth_s, truth_angle_rad, truth_rate_rad_s)) ** 2
+            )
+        )
 
     delay_s = _best_delay_s(mismatch, -MAX_MISALIGNMENT_S, MAX_MISALIGNMENT_S)
     if delay_s is None:
-        raise AnalysisError(f"no best delay within +-{MAX_MISALIGNMENT_S} s: check sign, stamps, and that the load swings")
+        raise AnalysisError(
+            f"no best delay within +-{MAX_MISALIGNMENT_S} s: check sign, stamps, and that the load swings"
+        )
     return delay_s
 
 
 def swing_error_rms_rad(
-    t_valid_s: Array, angle_rad: Array, t_truth_s: Array, truth_angle_rad: Array, truth_rate_rad_s: Array
+    t_valid_s: Array,
+    angle_rad: Array,
+    t_truth_s: Array,
+    truth_angle_rad: Array,
+    truth_rate_rad_s: Array,
 ) -> float:
     """Rms [rad] of measured (N,) minus true angle (M,) at the stamps as they are: no delay is fitted away.
 
     Samples outside the truth's stamps are left out; raises AnalysisError when fewer than 10 are left.
     """
     t, angle = _within(t_valid_s, angle_rad, t_truth_s, 0.0)
-    return float(np.sqrt(np.mean((angle - truth_at(t, t_truth_s, truth_angle_rad, truth_rate_rad_s)) ** 2)))
+    return float(
+        np.sqrt(np.mean((angle - truth_at(t, t_truth_s, truth_angle_rad, truth_rate_rad_s)) ** 2))
+    )
 
 
 def _moving(planned: Array) -> slice:
@@ -85,12 +105,18 @@ def _best_delay_s(mismatch: Callable[[float], float], low_s: float, high_s: floa
     if k in (0, delays.size - 1):
         return None
     around = (float(delays[k - 1]), float(delays[k + 1]))
-    return float(minimize_scalar(mismatch, bounds=around, method="bounded", options={"xatol": RESOLUTION_S}).x)
+    return float(
+        minimize_scalar(
+            mismatch, bounds=around, method="bounded", options={"xatol": RESOLUTION_S}
+        ).x
+    )
 
 
 def _within(t_s: Array, angle_rad: Array, t_truth_s: Array, margin_s: float) -> tuple[Array, Array]:
     t, angle = np.asarray(t_s, dtype=np.float64), np.asarray(angle_rad, dtype=np.float64)
-    first, last = (float(t_truth_s[0]), float(t_truth_s[-1])) if len(t_truth_s) else (math.inf, -math.inf)
+    first, last = (
+        (float(t_truth_s[0]), float(t_truth_s[-1])) if len(t_truth_s) else (math.inf, -math.inf)
+    )
     inside = (t >= first + margin_s) & (t <= last - margin_s)
     if np.count_nonzero(inside) < 10:
         raise AnalysisError(

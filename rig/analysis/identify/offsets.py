@@ -37,7 +37,10 @@ class Watch:
 
     def valid(self) -> Watch:
         """The frames that gave everything."""
-        fields = [np.asarray(a, dtype=np.float64) for a in (self.t_s, self.raw_rad, self.platform_m, self.pivot_miss_px)]
+        fields = [
+            np.asarray(a, dtype=np.float64)
+            for a in (self.t_s, self.raw_rad, self.platform_m, self.pivot_miss_px)
+        ]
         keep = np.isfinite(fields).all(axis=0)
         t, raw, platform, miss = (a[keep] for a in fields)
         return Watch(t_s=t, raw_rad=raw, platform_m=platform, pivot_miss_px=miss)
@@ -51,7 +54,9 @@ class OffsetCalibration:
     offset_rad: Array
     sigma_offset_rad: Array
     amplitude_rad: Array  # swing at mid-watch
-    frequency_hz: float  # shared by all positions; at the belief's +-20 % where nothing swings visibly
+    frequency_hz: (
+        float  # shared by all positions; at the belief's +-20 % where nothing swings visibly
+    )
     residual_rad: float  # rms of raw angle minus swing and offset
     pivot_home_px: tuple[float, float]  # (u, v) with the platform at 0
     sigma_pivot_home_px: tuple[float, float]
@@ -83,7 +88,11 @@ class Pivot(NamedTuple):
 
 
 def calibrate_offsets(
-    watches: Sequence[Watch], *, pivot_home_px: tuple[float, float], pixels_per_m: float, natural_frequency_hz: float
+    watches: Sequence[Watch],
+    *,
+    pivot_home_px: tuple[float, float],
+    pixels_per_m: float,
+    natural_frequency_hz: float,
 ) -> OffsetCalibration:
     """Offset at each watched position, the pivot's home and the scale of the pictures.
 
@@ -92,12 +101,17 @@ def calibrate_offsets(
     Raises AnalysisError for fewer than 2 positions, positions closer than 1 mm, a watch shorter than one believed
     period or with fewer than 20 valid samples.
     """
-    seen = sorted((w.valid() for w in watches), key=lambda w: float(np.mean(w.platform_m)) if w.platform_m.size else -math.inf)
+    seen = sorted(
+        (w.valid() for w in watches),
+        key=lambda w: float(np.mean(w.platform_m)) if w.platform_m.size else -math.inf,
+    )
     for watch in seen:
         _check_watch(watch, natural_frequency_hz)
     x_m = np.array([np.mean(w.platform_m) for w in seen])
     if x_m.size < 2 or np.diff(x_m).min() < MIN_SPACING_M:
-        raise AnalysisError(f"positions {x_m.round(4).tolist()} m; need 2, {MIN_SPACING_M} m apart: watch each position once")
+        raise AnalysisError(
+            f"positions {x_m.round(4).tolist()} m; need 2, {MIN_SPACING_M} m apart: watch each position once"
+        )
     swings = _fit_swings(seen, natural_frequency_hz)
     pivot = _fit_pivot(seen, swings.angles, pivot_home_px, pixels_per_m)
     return OffsetCalibration(
@@ -119,10 +133,14 @@ def calibrate_offsets(
 def _check_watch(watch: Watch, natural_frequency_hz: float) -> None:
     where = f"at {np.mean(watch.platform_m):.3f} m" if watch.t_s.size else "at an unseen position"
     if watch.t_s.size < MIN_SAMPLES:
-        raise AnalysisError(f"{watch.t_s.size} valid samples {where}; need {MIN_SAMPLES}: see why the frames were refused")
+        raise AnalysisError(
+            f"{watch.t_s.size} valid samples {where}; need {MIN_SAMPLES}: see why the frames were refused"
+        )
     periods = float(np.ptp(watch.t_s)) * natural_frequency_hz
     if periods < MIN_PERIODS:
-        raise AnalysisError(f"{periods:.2f} periods watched {where}; need {MIN_PERIODS}: watch two periods at each position")
+        raise AnalysisError(
+            f"{periods:.2f} periods watched {where}; need {MIN_PERIODS}: watch two periods at each position"
+        )
 
 
 def _fit_swings(watches: Sequence[Watch], natural_frequency_hz: float) -> Swings:
@@ -131,7 +149,9 @@ def _fit_swings(watches: Sequence[Watch], natural_frequency_hz: float) -> Swings
 
     w0 = 2 * math.pi * natural_frequency_hz
     belief, reach = np.array([w0, 0.0]), np.array([FREQUENCY_BAND, MAX_DAMPING_RATIO]) * w0
-    unit = max(float(np.std(w.raw_rad)) for w in watches) or 1.0  # tolerances mean the same at any amplitude
+    unit = (
+        max(float(np.std(w.raw_rad)) for w in watches) or 1.0
+    )  # tolerances mean the same at any amplitude
 
     def misfit(q: Array) -> Array:
         fits = _linear_fits(watches, belief + q * reach)
@@ -157,7 +177,9 @@ def _linear_fits(watches: Sequence[Watch], shared: Array) -> list[tuple[Watch, A
     for watch in watches:
         tau = watch.t_s - (watch.t_s[0] + watch.t_s[-1]) / 2
         fall = np.exp(-decay * tau)
-        X = np.stack([fall * np.cos(omega * tau), fall * np.sin(omega * tau), np.ones_like(tau)], axis=-1)
+        X = np.stack(
+            [fall * np.cos(omega * tau), fall * np.sin(omega * tau), np.ones_like(tau)], axis=-1
+        )
         fits.append((watch, X, np.linalg.lstsq(X, watch.raw_rad)[0]))
     return fits
 
@@ -178,7 +200,12 @@ def _unit_covariance(fits: Sequence[tuple[Watch, Array, Array]]) -> Array:
     return covariance
 
 
-def _fit_pivot(watches: Sequence[Watch], angles: Sequence[Array], home_px: tuple[float, float], pixels_per_m: float) -> Pivot:
+def _fit_pivot(
+    watches: Sequence[Watch],
+    angles: Sequence[Array],
+    home_px: tuple[float, float],
+    pixels_per_m: float,
+) -> Pivot:
     """u_line(v_pred) = u0 + pixels_per_m x + (v_pred - v0) tan(angle), least squares in u0, pixels_per_m, v_pred - v0.
 
     The angle is the fitted swing, not the raw sample: a sample's noise sits in its pivot miss too and would pose as
@@ -207,4 +234,8 @@ def _regression(basis: Array, y: Array) -> tuple[Array, Array, float]:
     coefficients = inverse @ y
     residual = y - basis @ coefficients
     variance = float(residual @ residual) / (y.size - basis.shape[1])
-    return coefficients, np.sqrt(variance * np.sum(inverse**2, axis=1)), float(np.sqrt(np.mean(residual**2)))
+    return (
+        coefficients,
+        np.sqrt(variance * np.sum(inverse**2, axis=1)),
+        float(np.sqrt(np.mean(residual**2))),
+    )

@@ -19,7 +19,9 @@ def peak_swing_rad(t_s: Array, angle_rad: Array, t0_s: float, t1_s: float) -> fl
     """
     inside = np.asarray(angle_rad)[(np.asarray(t_s) >= t0_s) & (np.asarray(t_s) <= t1_s)]
     if inside.size == 0:
-        raise AnalysisError(f"no angle within [{t0_s:.3f}, {t1_s:.3f}] s: check that the log covers the move")
+        raise AnalysisError(
+            f"no angle within [{t0_s:.3f}, {t1_s:.3f}] s: check that the log covers the move"
+        )
     return float(np.max(np.abs(inside)))
 
 
@@ -31,9 +33,13 @@ def initial_swing_rad(t_s: npt.ArrayLike, angle_rad: npt.ArrayLike, omega_rad_s:
     """
     t = np.asarray(t_s, dtype=np.float64)
     if t.size < 3 or (t[-1] - t[0]) * omega_rad_s < math.pi / 2:
-        raise AnalysisError(f"{t.size} samples in the quiet window; need 3 over a quarter period or more: raise quiet_s")
+        raise AnalysisError(
+            f"{t.size} samples in the quiet window; need 3 over a quarter period or more: raise quiet_s"
+        )
     phase = omega_rad_s * (t - t[0])
-    (a, b), *_ = np.linalg.lstsq(np.stack([np.cos(phase), np.sin(phase)], axis=-1), np.asarray(angle_rad, dtype=np.float64))
+    (a, b), *_ = np.linalg.lstsq(
+        np.stack([np.cos(phase), np.sin(phase)], axis=-1), np.asarray(angle_rad, dtype=np.float64)
+    )
     return math.hypot(a, b)
 
 
@@ -52,6 +58,8 @@ def truth_at(t_s: Array, t_truth_s: Array, angle_rad: Array, rate_rad_s: Array) 
     t, known = np.asarray(t_s, dtype=np.float64), np.asarray(t_truth_s, dtype=np.float64)
     if known.size < 2 or (t.size and (t.min() < known[0] or t.max() > known[-1])):
         span = f"[{known[0]:.3f}, {known[-1]:.3f}] s" if known.size else "nothing"
-        raise AnalysisError(f"truth covers {span}, asked for [{t.min():.3f}, {t.max():.3f}] s: ask inside, from two samples on")
+        raise AnalysisError(
+            f"truth covers {span}, asked for [{t.min():.3f}, {t.max():.3f}] s: ask inside, from two samples on"
+        )
     angle: Array = CubicHermiteSpline(known, np.asarray(angle_rad), np.asarray(rate_rad_s))(t)
     return angle

@@ -76,7 +76,11 @@ class Axis:
     def equivalent_load_n(self, candidate: Candidate) -> float:
         """Of the cycle, with its preload."""
         preload_n = self.preload_n(candidate)
-        return equivalent_load_n(self.cycle, self.load, preload_n) if preload_n else self.demand.equivalent_force_n
+        return (
+            equivalent_load_n(self.cycle, self.load, preload_n)
+            if preload_n
+            else self.demand.equivalent_force_n
+        )
 
     def drive(self, candidate: Candidate) -> Transmission:
         """The transmission with the drag of the candidate's preload, unless a drag is given."""
@@ -84,5 +88,7 @@ class Axis:
             return self.transmission
         return replace(
             self.transmission,
-            drag_torque_n_m=drag_torque_n_m(self.preload_n(candidate), candidate.lead_m, candidate.diameter_m),
+            drag_torque_n_m=drag_torque_n_m(
+                self.preload_n(candidate), candidate.lead_m, candidate.diameter_m
+            ),
         )

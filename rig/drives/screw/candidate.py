@@ -30,8 +30,17 @@ class Candidate(Thread):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not self.name.strip():
-            raise PlanError(f"name = {self.name!r}; must not be empty: say what the choice is to call it")
-        for name in ("dynamic_load_n", "static_load_n", "speed_m_s", "stroke_m", "limit_m_rpm", "preload_n"):
+            raise PlanError(
+                f"name = {self.name!r}; must not be empty: say what the choice is to call it"
+            )
+        for name in (
+            "dynamic_load_n",
+            "static_load_n",
+            "speed_m_s",
+            "stroke_m",
+            "limit_m_rpm",
+            "preload_n",
+        ):
             value = getattr(self, name)
             if value is not None:
                 bounds.datum(name, value, zero=name == "preload_n")

@@ -32,7 +32,12 @@ from rig.drives.screw.shaft import BallScrew
 from rig.drives.screw.verdict import Assessment, Check
 
 SOURCE = ", ".join(TABULATED)
-WHIRL, BALLS, UNIT, MOTOR = "whirling", "ball speed d n", "speed of the unit", "motor speed"  # all in proportion to the speed
+WHIRL, BALLS, UNIT, MOTOR = (
+    "whirling",
+    "ball speed d n",
+    "speed of the unit",
+    "motor speed",
+)  # all in proportion to the speed
 
 
 def assess(axis: Axis, candidate: Candidate) -> Assessment:
@@ -53,10 +58,19 @@ def _shaft(axis: Axis, candidate: Candidate, screw: BallScrew) -> list[Check]:
     """Whirling, balls, buckling."""
     need, shares = axis.demand, axis.shares
     turns_rpm = need.peak_speed_m_s / screw.ratio_m_rad * RPM
-    critical_rpm, load_n = shares.whirl * screw.whirl_rad_s * RPM, shares.buckling * screw.buckling_load_n
+    critical_rpm, load_n = (
+        shares.whirl * screw.whirl_rad_s * RPM,
+        shares.buckling * screw.buckling_load_n,
+    )
     return [
         Check(WHIRL, turns_rpm, critical_rpm, "rpm", against_whirl(axis, screw)),
-        Check(BALLS, turns_rpm * screw.circle_m, axis.balls_m_rpm(candidate), "m rpm", against_balls(axis, candidate, screw)),
+        Check(
+            BALLS,
+            turns_rpm * screw.circle_m,
+            axis.balls_m_rpm(candidate),
+            "m rpm",
+            against_balls(axis, candidate, screw),
+        ),
         Check("buckling", need.peak_force_n, load_n, "N", against_buckling(axis, screw)),
     ]
 
@@ -64,11 +78,19 @@ def _shaft(axis: Axis, candidate: Candidate, screw: BallScrew) -> list[Check]:
 def _nut(axis: Axis, candidate: Candidate) -> list[Check]:
     """Loads, life, and the unit's own limits."""
     need, factor, hours = axis.demand, axis.shares.service_factor, axis.wishes.life_h
-    rated, lead, force = candidate.dynamic_load_n, candidate.lead_m, axis.equivalent_load_n(candidate)
+    rated, lead, force = (
+        candidate.dynamic_load_n,
+        candidate.lead_m,
+        axis.equivalent_load_n(candidate),
+    )
     unrated = for_want_of_a_rating(axis, candidate)
-    load = None if hours is None else dynamic_load_n(hours, force, need.mean_speed_m_s, lead, factor)
+    load = (
+        None if hours is None else dynamic_load_n(hours, force, need.mean_speed_m_s, lead, factor)
+    )
     life = None if rated is None else life_h(rated, force, need.mean_speed_m_s, lead, factor)
-    pressed = factor * float(ball_load_n(np.array([need.peak_force_n]), axis.preload_n(candidate))[0])
+    pressed = factor * float(
+        ball_load_n(np.array([need.peak_force_n]), axis.preload_n(candidate))[0]
+    )
     limit, wear = candidate.speed_m_s, against_wear(axis, candidate)
     return [
         Check("dynamic load", load, rated, "N", wear, missing=unrated),
@@ -85,7 +107,11 @@ def _accuracy(axis: Axis, candidate: Candidate, screw: BallScrew) -> list[Check]
     silent = "" if name is not None else "no lead class in the catalogue; ask the maker"
     deviation = None if name is None else travel_deviation_m(name, travel)
     off_table = f"source 004 tabulates no deviation of {name} over {travel:g} m; ask the maker"
-    note = "" if name is None or name in TABULATED else f"{name} is outside the classes that source 004 tabulates, {SOURCE}"
+    note = (
+        ""
+        if name is None or name in TABULATED
+        else f"{name} is outside the classes that source 004 tabulates, {SOURCE}"
+    )
     wanted = wishes.travel_deviation_m
     lead = (
         None
@@ -96,10 +122,14 @@ def _accuracy(axis: Axis, candidate: Candidate, screw: BallScrew) -> list[Check]
         Check(
             "lead class",
             None if name is None else LEAD_CLASSES[name].per_300_mm_m * 1e6,
-            None if wishes.lead_class is None else LEAD_CLASSES[wishes.lead_class].per_300_mm_m * 1e6,
+            None
+            if wishes.lead_class is None
+            else LEAD_CLASSES[wishes.lead_class].per_300_mm_m * 1e6,
             "µm per 300 mm",
             f"{name} is coarser than {wishes.lead_class}: take a finer screw, or set lead_class to what the work allows",
-            missing=f"{silent} for {wishes.lead_class} or a finer one" if silent and wishes.lead_class else "",
+            missing=f"{silent} for {wishes.lead_class} or a finer one"
+            if silent and wishes.lead_class
+            else "",
             note=note,
             classes=True,
         ),
@@ -145,7 +175,12 @@ def _motor(axis: Axis, candidate: Candidate, screw: BallScrew, need: ShaftDemand
     """Torque, heat, speed and power; without a motor they are told, not judged."""
     motor, drive = axis.motor, axis.drive(candidate)
     peak, steady, top, power = (
-        (motor.peak_torque_n_m, motor.continuous_torque_n_m, motor.max_speed_rad_s, motor.peak_power_w)
+        (
+            motor.peak_torque_n_m,
+            motor.continuous_torque_n_m,
+            motor.max_speed_rad_s,
+            motor.peak_power_w,
+        )
         if motor
         else (None, None, None, None)
     )
@@ -161,7 +196,13 @@ def _motor(axis: Axis, candidate: Candidate, screw: BallScrew, need: ShaftDemand
             "rpm",
             "" if top is None else slower(axis.cycle, top * screw.ratio_m_rad),
         ),
-        Check("motor power", need.peak_power_w, None if power == math.inf else power, "W", "more time for the moves"),
+        Check(
+            "motor power",
+            need.peak_power_w,
+            None if power == math.inf else power,
+            "W",
+            "more time for the moves",
+        ),
     ]
 
 

@@ -42,19 +42,41 @@ class Move:
 
     def __post_init__(self) -> None:
         bounds.distance(self.stroke_m, "stroke_m")
-        check_range("time_s", self.time_s, bounds.SHORTEST_S, bounds.LONGEST_S, "give the move a time in seconds")
-        check_range("rest_s", self.rest_s, 0.0, bounds.LONGEST_S, "0 is a move that the next one follows at once")
+        check_range(
+            "time_s",
+            self.time_s,
+            bounds.SHORTEST_S,
+            bounds.LONGEST_S,
+            "give the move a time in seconds",
+        )
+        check_range(
+            "rest_s",
+            self.rest_s,
+            0.0,
+            bounds.LONGEST_S,
+            "0 is a move that the next one follows at once",
+        )
         if self.stroke_m == 0.0:
-            raise PlanError("stroke_m = 0; must not be 0: leave the move out, and let the one before it rest for longer")
+            raise PlanError(
+                "stroke_m = 0; must not be 0: leave the move out, and let the one before it rest for longer"
+            )
         if self.law not in LAWS:
             raise unknown_name("law", self.law, LAWS)
-        given = [name for name in ("lambda_acc", "lambda_dec", "durations_s") if getattr(self, name) is not None]
+        given = [
+            name
+            for name in ("lambda_acc", "lambda_dec", "durations_s")
+            if getattr(self, name) is not None
+        ]
         if self.law != TRAPEZOIDAL and given:
-            raise PlanError(f"{given[0]} with law = {self.law!r}; must be {TRAPEZOIDAL!r} to have shares: leave it out")
+            raise PlanError(
+                f"{given[0]} with law = {self.law!r}; must be {TRAPEZOIDAL!r} to have shares: leave it out"
+            )
         self._check_shares()
         if self.durations_s is not None:
             self._check_durations(self.durations_s)
-            object.__setattr__(self, "durations_s", tuple(self.durations_s))  # a move can be looked up
+            object.__setattr__(
+                self, "durations_s", tuple(self.durations_s)
+            )  # a move can be looked up
 
     @property
     def shares(self) -> tuple[float, float]:
@@ -80,13 +102,18 @@ class Move:
             return LAWS[self.law](self.time_s).scaled(self.stroke_m)
         up_s, even_s, down_s = self._phases_s
         speed = self._trapezoid_speed_m_s
-        return integrated((0.0, 0.0), ((up_s, speed / up_s), (even_s, 0.0), (down_s, -speed / down_s)))
+        return integrated(
+            (0.0, 0.0), ((up_s, speed / up_s), (even_s, 0.0), (down_s, -speed / down_s))
+        )
 
     @cached_property
     def phases(self) -> tuple[Phase, ...]:
         """The rows of its motion-law table, in the order of time; a rest of 0 s has none."""
         direction = math.copysign(1.0, self.stroke_m)
-        rows = [moving(number, piece, direction) for number, piece in enumerate(self.trajectory.pieces, start=1)]
+        rows = [
+            moving(number, piece, direction)
+            for number, piece in enumerate(self.trajectory.pieces, start=1)
+        ]
         return (*rows, resting(self.rest_s)) if self.rest_s > 0.0 else tuple(rows)
 
     @property
@@ -110,12 +137,17 @@ class Move:
 
     def _check_durations(self, durations_s: Sequence[float]) -> None:
         if len(durations_s) != 3 or not all(0.0 <= t < math.inf for t in durations_s):
-            raise PlanError(f"durations_s = {list(durations_s)}; must be three, >= 0: speeding up, even speed, slowing down")
+            raise PlanError(
+                f"durations_s = {list(durations_s)}; must be three, >= 0: speeding up, even speed, slowing down"
+            )
         up, even, down = durations_s
         speed = abs(self._trapezoid_speed_m_s)
         covered, stroke = speed * (up / 2.0 + even + down / 2.0), abs(self.stroke_m)
         right = ", ".join(f"{t:.4g}" for t in self._phases_s)
-        if abs(covered - stroke) > PRINTED * stroke or abs(sum(durations_s) - self.time_s) > PRINTED * self.time_s:
+        if (
+            abs(covered - stroke) > PRINTED * stroke
+            or abs(sum(durations_s) - self.time_s) > PRINTED * self.time_s
+        ):
             raise PlanError(
                 f"durations_s = {list(durations_s)} last {sum(durations_s):.4g} s and cover {covered:.4g} m at "
                 f"{speed:.4g} m/s; must be {self.time_s:g} s and {stroke:g} m: shares of {self.shares[0]:g} and "
@@ -134,13 +166,17 @@ class Cycle:
             raise PlanError("a cycle of 0 moves; must be >= 2, there and back: add them")
         strokes = [move.stroke_m for move in self.moves]
         if abs(sum(strokes)) > CLOSED * max(map(abs, strokes)):
-            told = ", ".join(f"{stroke:g}" for stroke in strokes[:LISTED]) + (", ..." if len(strokes) > LISTED else "")
+            told = ", ".join(f"{stroke:g}" for stroke in strokes[:LISTED]) + (
+                ", ..." if len(strokes) > LISTED else ""
+            )
             raise PlanError(
                 f"strokes {told} m sum to {sum(strokes):g} m; must be 0, back where the cycle "
                 f"began: add a move of {-sum(strokes):g} m"
             )
         first: dict[Move, Move] = {}
-        object.__setattr__(self, "moves", tuple(first.setdefault(move, move) for move in self.moves))  # equal ones are one
+        object.__setattr__(
+            self, "moves", tuple(first.setdefault(move, move) for move in self.moves)
+        )  # equal ones are one
 
     @cached_property
     def counts(self) -> Counter[Move]:

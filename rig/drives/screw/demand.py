@@ -79,15 +79,21 @@ def demand(cycle: Cycle, load: AxisLoad) -> Demand:
 def equivalent_load_n(cycle: Cycle, load: AxisLoad, preload_n: float) -> float:
     """The constant load on the balls that wears a preloaded nut as much (C.0.4, with the preload in it at every instant)."""
     at = cycle.instants
-    return equivalent_force_n(ball_load_n(load.force_at(at), preload_n), at.weight_s * np.abs(at.speed_m_s))
+    return equivalent_force_n(
+        ball_load_n(load.force_at(at), preload_n), at.weight_s * np.abs(at.speed_m_s)
+    )
 
 
-def shaft_demand(cycle: Cycle, load: AxisLoad, transmission: Transmission, screw: BallScrew) -> ShaftDemand:
+def shaft_demand(
+    cycle: Cycle, load: AxisLoad, transmission: Transmission, screw: BallScrew
+) -> ShaftDemand:
     """What the cycle asks of the motor."""
     at = cycle.instants
     torque = transmission.torque_at(screw, load, at)
     power = torque * at.speed_m_s / screw.ratio_m_rad
-    phases = [powers(phase, load, transmission, screw) for move in cycle.counts for phase in move.phases]
+    phases = [
+        powers(phase, load, transmission, screw) for move in cycle.counts for phase in move.phases
+    ]
     return ShaftDemand(
         peak_torque_n_m=float(np.abs(torque).max()),
         rms_torque_n_m=_rms(at, torque),

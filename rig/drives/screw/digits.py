@@ -9,7 +9,11 @@ DIGITS = 4
 FINE = 6  # where a value all but meets its bound
 CLOSE = 5e-3  # of the bound
 PLAIN = 1e6  # from here on with an exponent
-SHOWN = {"m": (1e3, "mm"), "m rpm": (1e3, "mm rpm"), "N/m": (1e-6, "N/µm")}  # factor and unit; all others as they are
+SHOWN = {
+    "m": (1e3, "mm"),
+    "m rpm": (1e3, "mm rpm"),
+    "N/m": (1e-6, "N/µm"),
+}  # factor and unit; all others as they are
 
 
 def number(value: float, digits: int = DIGITS) -> str:
@@ -28,7 +32,9 @@ def shown(values: Sequence[float | None], unit: str) -> tuple[list[str], str]:
     factor, name = SHOWN.get(unit, (1.0, unit))
     known = [value for value in values if value is not None]
     close = len(known) > 1 and 0.0 < max(known) - min(known) < CLOSE * abs(max(known))
-    return ["" if v is None else number(factor * v, FINE if close else DIGITS) for v in values], name
+    return [
+        "" if v is None else number(factor * v, FINE if close else DIGITS) for v in values
+    ], name
 
 
 def least(value: float) -> str:

@@ -14,7 +14,10 @@ from planners.trajectories.pieces import FloatArray, Piece
 # Nodes of each phase: exact for constant acceleration. Else a loss bends the torque where the force changes sign, and means are
 # right to 1e-6 of cubed forces, 1e-5 of squared torques, 1e-3 of powers that drive or brake.
 NODES = 128
-ROUNDS, POINTS = 6, 17  # each round looks eight times closer; six leave 3e-14 of the largest power, with losses
+ROUNDS, POINTS = (
+    6,
+    17,
+)  # each round looks eight times closer; six leave 3e-14 of the largest power, with losses
 
 
 class Instants(NamedTuple):
@@ -45,7 +48,9 @@ class Phase(NamedTuple):
         for _ in range(ROUNDS):
             k = int(values.argmax())
             t = np.linspace(t[max(k - 1, 0)], t[min(k + 1, t.size - 1)], POINTS)
-            values = quantity(_instants(piece, t, np.zeros_like(t), float(self.instants.direction[0])))
+            values = quantity(
+                _instants(piece, t, np.zeros_like(t), float(self.instants.direction[0]))
+            )
             best = max(best, float(values.max()))
         return best
 

@@ -11,7 +11,9 @@ class LeadClass(NamedTuple):
     """Deviations allowed at 20 degrees C."""
 
     per_300_mm_m: float  # V_300p: band of the deviation over any 300 mm
-    travel: tuple[tuple[float, float], ...] = ()  # useful travel up to [m] and the deviation e_p over it [m]
+    travel: tuple[
+        tuple[float, float], ...
+    ] = ()  # useful travel up to [m] and the deviation e_p over it [m]
 
 
 LEAD_CLASSES = {
@@ -35,4 +37,6 @@ def lead_class(name: str) -> LeadClass:
 
 def travel_deviation_m(name: str, travel_m: float) -> float | None:
     """e_p of a class over a useful travel; None where the table has no row. Raises PlanError for an unknown class."""
-    return next((deviation for up_to, deviation in lead_class(name).travel if travel_m <= up_to), None)
+    return next(
+        (deviation for up_to, deviation in lead_class(name).travel if travel_m <= up_to), None
+    )

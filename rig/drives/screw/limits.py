@@ -27,7 +27,9 @@ def least_lead_by_balls_m(diameter_m: float, speed_m_s: float, limit_m_rpm: floa
     return 60.0 * speed_m_s * diameter_m / limit_m_rpm
 
 
-def absolute_least_lead(mounting: Mounting, speed_m_s: float, share: float, limit_m_rpm: float) -> DesignPoint:
+def absolute_least_lead(
+    mounting: Mounting, speed_m_s: float, share: float, limit_m_rpm: float
+) -> DesignPoint:
     """Where the lines of whirling and of the balls cross (C.0.11, C.0.12), the same S in both."""
     slope = BallScrew(diameter_m=1.0, lead_m=1.0, mounting=mounting).whirl_rad_s  # omega_f / d
     diameter = math.sqrt(2.0 * math.pi * limit_m_rpm / (60.0 * share * slope))
@@ -40,7 +42,9 @@ def least_diameter_by_buckling_m(mounting: Mounting, force_n: float, share: floa
     return float((abs(force_n) / (share * unit)) ** 0.25)
 
 
-def least_diameter_by_sag_m(mounting: Mounting, sag_m: float, slope_rad: float = 0.0, carried_kg: float = 0.0) -> float:
+def least_diameter_by_sag_m(
+    mounting: Mounting, sag_m: float, slope_rad: float = 0.0, carried_kg: float = 0.0
+) -> float:
     """C.0.16 solved for d: the own weight sags as 1 / d^2, a carried load as 1 / d^4."""
     unit = BallScrew(diameter_m=1.0, lead_m=1.0, mounting=mounting)
     own, whole = unit.sag_m(slope_rad), unit.sag_m(slope_rad, carried_kg)
@@ -52,7 +56,9 @@ def greatest_lead_by_accuracy_m(position_error_m: float, angle_error_rad: float)
     return 2.0 * math.pi * position_error_m / angle_error_rad
 
 
-def greatest_lead_by_stiffness_m(screw: BallScrew, stiffness_n_m: float, held_n_m: float = math.inf) -> float:
+def greatest_lead_by_stiffness_m(
+    screw: BallScrew, stiffness_n_m: float, held_n_m: float = math.inf
+) -> float:
     """The lead at which torsion uses up what the rest of the chain leaves (C.0.17 solved for p); 0 where it leaves nothing.
 
     held_n_m is that of bearing and nut in series.
@@ -70,7 +76,9 @@ def least_diameter_by_stiffness_m(screw: BallScrew, stiffness_n_m: float, held_n
     return _diameter_m(1.0 / unit.axial_stiffness_n_m, twist, left) if left > 0.0 else math.inf
 
 
-def stiffness_for_bandwidth_n_m(screw: BallScrew, mass_kg: float, bandwidth_rad_s: float, share: float) -> float:
+def stiffness_for_bandwidth_n_m(
+    screw: BallScrew, mass_kg: float, bandwidth_rad_s: float, share: float
+) -> float:
     """k_eq that puts share omega_z at the bandwidth (C.0.18, C.0.19)."""
     return (mass_kg + screw.mass_kg / 3.0) * (bandwidth_rad_s / share) ** 2
 

@@ -26,8 +26,20 @@ class AxisLoad:
 
     def __post_init__(self) -> None:
         bounds.datum("mass_kg", self.mass_kg)
-        check_range("slope_rad", self.slope_rad, -math.pi / 2.0, math.pi / 2.0, "0 is horizontal, positive goes up")
-        check_range("friction_coefficient", self.friction_coefficient, 0.0, 10.0, "guides with balls have some 0.01 to 0.1")
+        check_range(
+            "slope_rad",
+            self.slope_rad,
+            -math.pi / 2.0,
+            math.pi / 2.0,
+            "0 is horizontal, positive goes up",
+        )
+        check_range(
+            "friction_coefficient",
+            self.friction_coefficient,
+            0.0,
+            10.0,
+            "guides with balls have some 0.01 to 0.1",
+        )
         check_range("force_n", self.force_n, -bounds.DATUM, bounds.DATUM, "give it in N")
 
     @property

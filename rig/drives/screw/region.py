@@ -29,7 +29,9 @@ class Line(NamedTuple):
     name: str
     lead_m: FloatArray  # (N,)
     greatest: bool = False
-    diameter_m: float | None = None  # of an upright line, thinner screws are not admissible: lead_m is inf there, else 0
+    diameter_m: float | None = (
+        None  # of an upright line, thinner screws are not admissible: lead_m is inf there, else 0
+    )
 
 
 class Region(NamedTuple):
@@ -48,27 +50,50 @@ def region(axis: Axis, diameter_m: FloatArray, nut: Candidate | None = None) -> 
 
     Limits of the motor and of a unit are no part of it.
     """
-    shafts = [BallScrew(diameter_m=d, lead_m=1.0, mounting=axis.mounting) for d in diameter_m.tolist()]
-    lines = (*_speed(axis, shafts, nut), *_strength(axis, diameter_m, nut), *_work(axis, shafts, diameter_m))
+    shafts = [
+        BallScrew(diameter_m=d, lead_m=1.0, mounting=axis.mounting) for d in diameter_m.tolist()
+    ]
+    lines = (
+        *_speed(axis, shafts, nut),
+        *_strength(axis, diameter_m, nut),
+        *_work(axis, shafts, diameter_m),
+    )
     low = np.max([line.lead_m for line in lines if not line.greatest], axis=0)
-    high = np.min([np.full_like(diameter_m, math.inf), *(line.lead_m for line in lines if line.greatest)], axis=0)
+    high = np.min(
+        [np.full_like(diameter_m, math.inf), *(line.lead_m for line in lines if line.greatest)],
+        axis=0,
+    )
     return Region(diameter_m, lines, low, high)
 
 
 def _speed(axis: Axis, shafts: list[BallScrew], nut: Candidate | None) -> list[Line]:
     speed, balls = axis.demand.peak_speed_m_s, axis.balls_m_rpm(nut)
     return [
-        Line("whirling", np.array([least_lead_by_whirl_m(shaft, speed, axis.shares.whirl) for shaft in shafts])),
-        Line("balls", np.array([least_lead_by_balls_m(shaft.diameter_m, speed, balls) for shaft in shafts])),
+        Line(
+            "whirling",
+            np.array([least_lead_by_whirl_m(shaft, speed, axis.shares.whirl) for shaft in shafts]),
+        ),
+        Line(
+            "balls",
+            np.array([least_lead_by_balls_m(shaft.diameter_m, speed, balls) for shaft in shafts]),
+        ),
     ]
 
 
 def _strength(axis: Axis, diameter_m: FloatArray, nut: Candidate | None) -> list[Line]:
     need, shares, hours = axis.demand, axis.shares, axis.wishes.life_h
-    lines = [_upright("buckling", diameter_m, least_diameter_by_buckling_m(axis.mounting, need.peak_force_n, shares.buckling))]
+    lines = [
+        _upright(
+            "buckling",
+            diameter_m,
+            least_diameter_by_buckling_m(axis.mounting, need.peak_force_n, shares.buckling),
+        )
+    ]
     if hours is not None and nut is not None and nut.dynamic_load_n is not None:
         force = axis.equivalent_load_n(nut)
-        least = least_lead_by_life_m(hours, nut.dynamic_load_n, force, need.mean_speed_m_s, shares.service_factor)
+        least = least_lead_by_life_m(
+            hours, nut.dynamic_load_n, force, need.mean_speed_m_s, shares.service_factor
+        )
         lines.append(Line("life", np.full_like(diameter_m, least)))
     return lines
 
@@ -77,7 +102,9 @@ def _work(axis: Axis, shafts: list[BallScrew], diameter_m: FloatArray) -> list[L
     wishes, mass = axis.wishes, axis.load.mass_kg
     lines = []
     if wishes.sag_m is not None:
-        thin = least_diameter_by_sag_m(axis.mounting, wishes.sag_m, axis.load.slope_rad, axis.carried_kg)
+        thin = least_diameter_by_sag_m(
+            axis.mounting, wishes.sag_m, axis.load.slope_rad, axis.carried_kg
+        )
         lines.append(_upright("sag", diameter_m, thin))
     if wishes.position_error_m is not None and wishes.angle_error_rad is not None:
         most = greatest_lead_by_accuracy_m(wishes.position_error_m, wishes.angle_error_rad)
@@ -87,10 +114,14 @@ def _work(axis: Axis, shafts: list[BallScrew], diameter_m: FloatArray) -> list[L
         stiff["stiffness"] = [wishes.stiffness_n_m] * len(shafts)
     if wishes.bandwidth_rad_s is not None:
         stiff["bandwidth"] = [
-            stiffness_for_bandwidth_n_m(shaft, mass, wishes.bandwidth_rad_s, axis.shares.bandwidth) for shaft in shafts
+            stiffness_for_bandwidth_n_m(shaft, mass, wishes.bandwidth_rad_s, axis.shares.bandwidth)
+            for shaft in shafts
         ]
     for name, needed in stiff.items():
-        leads = [greatest_lead_by_stiffness_m(shaft, k, axis.held_n_m) for shaft, k in zip(shafts, needed, strict=True)]
+        leads = [
+            greatest_lead_by_stiffness_m(shaft, k, axis.held_n_m)
+            for shaft, k in zip(shafts, needed, strict=True)
+        ]
         lines.append(Line(name, np.array(leads), greatest=True))
     return lines
 

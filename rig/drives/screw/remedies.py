@@ -30,7 +30,9 @@ LEADS = (0.05, 2.0)  # of the diameter, that screws are made with (general knowl
 def against_whirl(axis: Axis, screw: BallScrew) -> str:
     """Lead, diameter, supports or time."""
     lead = least_lead_by_whirl_m(screw, axis.demand.peak_speed_m_s, axis.shares.whirl)
-    return _either(_lead(screw, lead, digits.least), "a thicker screw", _supports(axis), "slower moves")
+    return _either(
+        _lead(screw, lead, digits.least), "a thicker screw", _supports(axis), "slower moves"
+    )
 
 
 def against_balls(axis: Axis, candidate: Candidate, screw: BallScrew) -> str:
@@ -38,25 +40,43 @@ def against_balls(axis: Axis, candidate: Candidate, screw: BallScrew) -> str:
     speed, limit = axis.demand.peak_speed_m_s, axis.balls_m_rpm(candidate)
     lead = least_lead_by_balls_m(screw.circle_m, speed, limit)
     faster = axis.shares.balls * BALLS_M_RPM["ceramic"][0]
-    helps = axis.balls.material != "ceramic" and speed / screw.ratio_m_rad * RPM * screw.circle_m <= faster
-    return _either(_lead(screw, lead, digits.least), "a thinner screw", "ceramic balls" if helps else "", "slower moves")
+    helps = (
+        axis.balls.material != "ceramic"
+        and speed / screw.ratio_m_rad * RPM * screw.circle_m <= faster
+    )
+    return _either(
+        _lead(screw, lead, digits.least),
+        "a thinner screw",
+        "ceramic balls" if helps else "",
+        "slower moves",
+    )
 
 
 def against_buckling(axis: Axis, screw: BallScrew) -> str:
     """Diameter or supports."""
-    thick = least_diameter_by_buckling_m(axis.mounting, axis.demand.peak_force_n, axis.shares.buckling)
+    thick = least_diameter_by_buckling_m(
+        axis.mounting, axis.demand.peak_force_n, axis.shares.buckling
+    )
     return _either(_diameter(screw, thick), _supports(axis))
 
 
 def against_wear(axis: Axis, candidate: Candidate) -> str:
     """Lead, preload, nut or hours; empty where nothing is broken or there is nothing to compare."""
-    hours, rated, need, factor = axis.wishes.life_h, candidate.dynamic_load_n, axis.demand, axis.shares.service_factor
+    hours, rated, need, factor = (
+        axis.wishes.life_h,
+        candidate.dynamic_load_n,
+        axis.demand,
+        axis.shares.service_factor,
+    )
     if hours is None or rated is None:
         return ""
     force, speed = axis.equivalent_load_n(candidate), need.mean_speed_m_s
     if life_h(rated, force, speed, candidate.lead_m, factor) >= hours:
         return ""
-    preload, load = lasting_preload_n(axis, candidate, hours), lasting_load_n(axis, candidate, hours)
+    preload, load = (
+        lasting_preload_n(axis, candidate, hours),
+        lasting_load_n(axis, candidate, hours),
+    )
     return _either(
         _lead(candidate, least_lead_by_life_m(hours, rated, force, speed, factor), digits.least),
         "" if preload is None else f"less preload ({digits.greatest(preload)} N at most)",
@@ -114,12 +134,16 @@ def against_torque(axis: Axis, drive: Transmission, screw: BallScrew, peak_n_m: 
     return f"even speed alone takes {steady:.4g} N m: a stronger motor, a lighter or a counterweighted load, or a smaller lead"
 
 
-def against_heat(axis: Axis, drive: Transmission, screw: BallScrew, rms_n_m: float, continuous_n_m: float) -> str:
+def against_heat(
+    axis: Axis, drive: Transmission, screw: BallScrew, rms_n_m: float, continuous_n_m: float
+) -> str:
     """Longer rests, unless holding the load in them takes too much."""
     hold = drive.steady_torque_n_m(screw, axis.load, 0.0)
     if hold >= continuous_n_m:
         return f"holding alone takes {hold:.4g} N m: a stronger motor, a brake, a counterweight, or a smaller lead"
-    rest_s = axis.cycle.duration_s * (rms_n_m**2 - continuous_n_m**2) / (continuous_n_m**2 - hold**2)
+    rest_s = (
+        axis.cycle.duration_s * (rms_n_m**2 - continuous_n_m**2) / (continuous_n_m**2 - hold**2)
+    )
     return f"{digits.least(max(0.0, rest_s))} s more of rest in a cycle"
 
 

@@ -31,7 +31,13 @@ class Mounting:
     shear_modulus_pa: float = 79.3e9
 
     def __post_init__(self) -> None:
-        check_range("length_m", self.length_m, SMALLEST_M, LONGEST_M, "measure the screw between its supports")
+        check_range(
+            "length_m",
+            self.length_m,
+            SMALLEST_M,
+            LONGEST_M,
+            "measure the screw between its supports",
+        )
         if self.free_length_m is not None:
             advice = "give the part under compression, no longer than the screw"
             check_range("free_length_m", self.free_length_m, SMALLEST_M, self.length_m, advice)
@@ -53,12 +59,26 @@ class Thread:
 
     def __post_init__(self) -> None:
         for name in ("diameter_m", "lead_m"):
-            check_range(name, getattr(self, name), SMALLEST_M, THICKEST_M, "read it off the screw's name, in metres")
+            check_range(
+                name,
+                getattr(self, name),
+                SMALLEST_M,
+                THICKEST_M,
+                "read it off the screw's name, in metres",
+            )
         if self.core_diameter_m is not None:
             advice = "it is some tenth thinner than the screw"
-            check_range("core_diameter_m", self.core_diameter_m, SMALLEST_M, self.diameter_m, advice)
+            check_range(
+                "core_diameter_m", self.core_diameter_m, SMALLEST_M, self.diameter_m, advice
+            )
         if self.ball_circle_m is not None:
-            check_range("ball_circle_m", self.ball_circle_m, SMALLEST_M, THICKEST_M, "it is a little wider than the screw")
+            check_range(
+                "ball_circle_m",
+                self.ball_circle_m,
+                SMALLEST_M,
+                THICKEST_M,
+                "it is a little wider than the screw",
+            )
 
     @property
     def core_m(self) -> float:
@@ -101,7 +121,9 @@ class BallScrew(Thread):
     def whirl_rad_s(self) -> float:
         """First bending frequency K_v sqrt(E I / (M L^3)) of the core, the nut at one end (C.0.6); proportional to d."""
         mounting = self.mounting
-        return mounting.support.whirl * math.sqrt(self.bending_stiffness_n_m2 / (self._core_mass_kg * mounting.length_m**3))
+        return mounting.support.whirl * math.sqrt(
+            self.bending_stiffness_n_m2 / (self._core_mass_kg * mounting.length_m**3)
+        )
 
     @property
     def buckling_load_n(self) -> float:
@@ -112,19 +134,34 @@ class BallScrew(Thread):
     @property
     def torsional_stiffness_n_m_rad(self) -> float:
         """G pi d^4 / (32 L), the nut at the end away from the motor."""
-        return self.mounting.shear_modulus_pa * math.pi * self.core_m**4 / (32.0 * self.mounting.length_m)
+        return (
+            self.mounting.shear_modulus_pa
+            * math.pi
+            * self.core_m**4
+            / (32.0 * self.mounting.length_m)
+        )
 
     @property
     def axial_stiffness_n_m(self) -> float:
         """E A / L_eq at the nut's worst place: L_eq = L, or L / 4 fixed-fixed."""
         mounting = self.mounting
-        return mounting.youngs_modulus_pa * _area_m2(self.core_m) * mounting.support.axial_paths / mounting.length_m
+        return (
+            mounting.youngs_modulus_pa
+            * _area_m2(self.core_m)
+            * mounting.support.axial_paths
+            / mounting.length_m
+        )
 
     def sag_m(self, slope_rad: float = 0.0, carried_kg: float = 0.0) -> float:
         """Deflection of the core at that slope under its weight, and that of a load which no guide carries (C.0.16)."""
-        support, reach = self.mounting.support, self.mounting.length_m**3 / self.bending_stiffness_n_m2
+        support, reach = (
+            self.mounting.support,
+            self.mounting.length_m**3 / self.bending_stiffness_n_m2,
+        )
         across = GRAVITY_M_S2 * math.cos(slope_rad)
-        return across * reach * (self._core_mass_kg / support.own_sag + carried_kg / support.load_sag)
+        return (
+            across * reach * (self._core_mass_kg / support.own_sag + carried_kg / support.load_sag)
+        )
 
     def stiffness_n_m(self, held_n_m: float = math.inf) -> float:
         """k_eq at the nut, the motor held: bearing and nut (held_n_m), shaft in tension and in torsion in series (C.0.17)."""
@@ -139,7 +176,9 @@ class BallScrew(Thread):
         """
         return math.sqrt(stiffness_n_m / (mass_kg + self.mass_kg / 3.0))
 
-    def resonance_rad_s(self, mass_kg: float, stiffness_n_m: float, rotary_inertia_kg_m2: float) -> float:
+    def resonance_rad_s(
+        self, mass_kg: float, stiffness_n_m: float, rotary_inertia_kg_m2: float
+    ) -> float:
         """omega_p = omega_z sqrt(1 + M tau^2 / J): motor and load against each other; J is all that turns."""
         ratio = (mass_kg + self.mass_kg / 3.0) * self.ratio_m_rad**2 / rotary_inertia_kg_m2
         return self.antiresonance_rad_s(mass_kg, stiffness_n_m) * math.sqrt(1.0 + ratio)

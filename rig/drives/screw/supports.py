@@ -13,7 +13,9 @@ class Support(NamedTuple):
     buckling: float  # f_eu: Euler's load is f_eu pi^2 E I / L^2 (source 004, C.0.14)
     own_sag: float  # largest deflection under the own weight W is W L^3 / (own_sag E I) (source 004, C.0.16)
     load_sag: float  # the same of a load P at its worst place, P L^3 / (load_sag E I)
-    axial_paths: float  # L / L_eq: 4 where both ends take the axial force, as the worst place is half-way
+    axial_paths: (
+        float  # L / L_eq: 4 where both ends take the axial force, as the worst place is half-way
+    )
 
     @property
     def stiffest(self) -> bool:
@@ -25,7 +27,11 @@ SUPPORTS = {  # first end-second end; the roots x are of the beam's characterist
     "fixed-free": Support(1.8751040687119611**2, 0.25, 8.0, 3.0, 1.0),  # cos x cosh x = -1
     "supported-supported": Support(math.pi**2, 1.0, 76.8, 48.0, 1.0),  # sin x = 0; 384 / 5
     "fixed-supported": Support(  # tan x = tanh x; buckling tan x = x; own sag at (1 + sqrt 33) / 16 of the length
-        3.9266023120479190**2, (4.4934094579090642 / math.pi) ** 2, 184.6339637, 3.0 * (1.0 + math.sqrt(2.0)) ** 4, 1.0
+        3.9266023120479190**2,
+        (4.4934094579090642 / math.pi) ** 2,
+        184.6339637,
+        3.0 * (1.0 + math.sqrt(2.0)) ** 4,
+        1.0,
     ),
     "fixed-fixed": Support(4.7300407448627040**2, 4.0, 384.0, 192.0, 4.0),  # cos x cosh x = 1
 }

@@ -33,7 +33,11 @@ class Row(NamedTuple):
 def table(cycle: Cycle, load: AxisLoad, transmission: Transmission, screw: BallScrew) -> list[Row]:
     """All phases of all moves."""
     known = {move: _rows(move, load, transmission, screw) for move in cycle.counts}
-    return [row._replace(move=number) for number, move in enumerate(cycle.moves, start=1) for row in known[move]]
+    return [
+        row._replace(move=number)
+        for number, move in enumerate(cycle.moves, start=1)
+        for row in known[move]
+    ]
 
 
 def _rows(move: Move, load: AxisLoad, transmission: Transmission, screw: BallScrew) -> list[Row]:

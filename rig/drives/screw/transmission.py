@@ -23,7 +23,9 @@ class Transmission:
     efficiency: float = 0.9
     motor_inertia_kg_m2: float = 0.0
     coupling_inertia_kg_m2: float = 0.0
-    drag_torque_n_m: float | None = None  # of preload and seals, against the motion; None follows from the nut's preload
+    drag_torque_n_m: float | None = (
+        None  # of preload and seals, against the motion; None follows from the nut's preload
+    )
     hold: str = MOTOR  # in the rests; a brake spares the motor
 
     def __post_init__(self) -> None:
@@ -55,4 +57,6 @@ class Transmission:
     def steady_torque_n_m(self, screw: BallScrew, load: AxisLoad, direction: float) -> float:
         """Size of the torque at even speed in a direction, 1 or -1, and in a rest, 0."""
         still = np.zeros(1)
-        return float(np.abs(self.torque_at(screw, load, Instants(still, still + direction, still, still)))[0])
+        return float(
+            np.abs(self.torque_at(screw, load, Instants(still, still + direction, still, still)))[0]
+        )

@@ -27,7 +27,9 @@ class Check(NamedTuple):
     at_least: bool = False
     missing: str = ""
     note: str = ""  # what is told beside it, whatever the state
-    classes: bool = False  # values are of a few classes, of which the one that is asked has nothing left
+    classes: bool = (
+        False  # values are of a few classes, of which the one that is asked has nothing left
+    )
 
     @property
     def margin(self) -> float | None:
@@ -87,10 +89,18 @@ class Assessment(NamedTuple):
     @property
     def tightest(self) -> Check:
         """The decided check with the least margin; a class that does is no tight one."""
-        decided = [c for c in self.checks if c.state in (KEPT, BROKEN) and not (c.classes and c.state == KEPT)]
+        decided = [
+            c
+            for c in self.checks
+            if c.state in (KEPT, BROKEN) and not (c.classes and c.state == KEPT)
+        ]
         return min(decided, key=lambda c: c.margin or 0.0)
 
     @property
     def rank(self) -> tuple[bool, bool, float]:
         """Sorts what fits before what fits as far as is told and what does not, and of each the greatest least margin first."""
-        return not self.admissible, self.admissible and bool(self.undecided), -(self.tightest.margin or 0.0)
+        return (
+            not self.admissible,
+            self.admissible and bool(self.undecided),
+            -(self.tightest.margin or 0.0),
+        )

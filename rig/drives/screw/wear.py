@@ -18,7 +18,15 @@ def lasting_load_n(axis: Axis, candidate: Candidate, hours: float) -> float | No
     """The least dynamic load that lasts, in place of the candidate's; None where the preload, a share of it, grows too much."""
 
     def short(rated_n: float) -> float:
-        return _needed_n(axis, candidate, hours, axis.equivalent_load_n(replace(candidate, dynamic_load_n=rated_n))) - rated_n
+        return (
+            _needed_n(
+                axis,
+                candidate,
+                hours,
+                axis.equivalent_load_n(replace(candidate, dynamic_load_n=rated_n)),
+            )
+            - rated_n
+        )
 
     least = _needed_n(axis, candidate, hours, axis.demand.equivalent_force_n)
     if candidate.preload_n is not None or axis.shares.preload == 0.0:
@@ -31,7 +39,10 @@ def lasting_preload_n(axis: Axis, candidate: Candidate, hours: float) -> float |
     now, rated = axis.preload_n(candidate), candidate.dynamic_load_n or 0.0
 
     def short(preload_n: float) -> float:
-        return _needed_n(axis, candidate, hours, equivalent_load_n(axis.cycle, axis.load, preload_n)) - rated
+        return (
+            _needed_n(axis, candidate, hours, equivalent_load_n(axis.cycle, axis.load, preload_n))
+            - rated
+        )
 
     if short(0.0) > 0.0:
         return None
@@ -39,4 +50,6 @@ def lasting_preload_n(axis: Axis, candidate: Candidate, hours: float) -> float |
 
 
 def _needed_n(axis: Axis, candidate: Candidate, hours: float, force_n: float) -> float:
-    return dynamic_load_n(hours, force_n, axis.demand.mean_speed_m_s, candidate.lead_m, axis.shares.service_factor)
+    return dynamic_load_n(
+        hours, force_n, axis.demand.mean_speed_m_s, candidate.lead_m, axis.shares.service_factor
+    )

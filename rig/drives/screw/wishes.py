@@ -17,14 +17,36 @@ class Shares:
     buckling: float = 0.5  # of Euler's load; source 004: 0.5 to 0.7
     balls: float = 1.0  # of d x n
     bandwidth: float = 0.5  # of the antiresonance; source 004: 0.5 to 0.7
-    service_factor: float = 1.2  # on forces: 1 to 1.2 regular, to 1.5 light shocks, to 3 frequent ones
-    preload: float = 0.0  # of the dynamic load, of nuts that do not tell their own; source 004: 0.05 to 0.1
+    service_factor: float = (
+        1.2  # on forces: 1 to 1.2 regular, to 1.5 light shocks, to 3 frequent ones
+    )
+    preload: float = (
+        0.0  # of the dynamic load, of nuts that do not tell their own; source 004: 0.05 to 0.1
+    )
 
     def __post_init__(self) -> None:
         for name in ("whirl", "buckling", "balls", "bandwidth"):
-            check_range(name, getattr(self, name), 0.01, 1.0, "it is a share of the limit, below 1 to be safe")
-        check_range("service_factor", self.service_factor, 1.0, 10.0, "1.2 for regular motion, 3 for frequent shocks")
-        check_range("preload", self.preload, 0.0, 0.5, "it is a share of the dynamic load, 0.05 to 0.1 as a rule")
+            check_range(
+                name,
+                getattr(self, name),
+                0.01,
+                1.0,
+                "it is a share of the limit, below 1 to be safe",
+            )
+        check_range(
+            "service_factor",
+            self.service_factor,
+            1.0,
+            10.0,
+            "1.2 for regular motion, 3 for frequent shocks",
+        )
+        check_range(
+            "preload",
+            self.preload,
+            0.0,
+            0.5,
+            "it is a share of the dynamic load, 0.05 to 0.1 as a rule",
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +67,13 @@ class Wishes:
             lead_class(self.lead_class)
         for name, value in vars(self).items():
             if isinstance(value, float | int):
-                check_range(name, value, 1.0 / bounds.DATUM, bounds.DATUM, "leave it out where nothing is asked")
+                check_range(
+                    name,
+                    value,
+                    1.0 / bounds.DATUM,
+                    bounds.DATUM,
+                    "leave it out where nothing is asked",
+                )
         if (self.position_error_m is None) != (self.angle_error_rad is None):
             raise PlanError(
                 f"position_error_m = {self.position_error_m} with angle_error_rad = {self.angle_error_rad}; must be both or "

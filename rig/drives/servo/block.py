@@ -15,10 +15,14 @@ Method = Literal["bilinear", "zoh"]
 
 def check_period(period_s: float) -> None:
     """Raises ServoError for a sample time that no drive has."""
-    check_range("period_s", period_s, SHORTEST_S, LONGEST_S, "give the drive's sample time in seconds")
+    check_range(
+        "period_s", period_s, SHORTEST_S, LONGEST_S, "give the drive's sample time in seconds"
+    )
 
 
-def discretise(system: Any, period_s: float, *, method: Method = "bilinear", prewarp_rad_s: float | None = None) -> Any:
+def discretise(
+    system: Any, period_s: float, *, method: Method = "bilinear", prewarp_rad_s: float | None = None
+) -> Any:
     """A continuous control.StateSpace or TransferFunction, sampled: bilinear (Tustin), exact at prewarp_rad_s if given,
     or with its input held (zoh).
 
@@ -31,12 +35,16 @@ def discretise(system: Any, period_s: float, *, method: Method = "bilinear", pre
     if isinstance(system, control.TransferFunction):
         zeros, poles = len(system.num[0][0]) - 1, len(system.den[0][0]) - 1
         if zeros > poles:
-            raise Improper(f"a block with {zeros} zeros and {poles} poles; must have no more zeros than poles: filter it")
+            raise Improper(
+                f"a block with {zeros} zeros and {poles} poles; must have no more zeros than poles: filter it"
+            )
     if prewarp_rad_s is not None:
         check_below_nyquist("prewarp_rad_s", prewarp_rad_s, period_s, "sample faster")
     if method == "zoh":
         return control.sample_system(control.ss(system), period_s, method="zoh")
-    return control.sample_system(control.ss(system), period_s, method="bilinear", prewarp_frequency=prewarp_rad_s)
+    return control.sample_system(
+        control.ss(system), period_s, method="bilinear", prewarp_frequency=prewarp_rad_s
+    )
 
 
 class Block:
@@ -50,7 +58,9 @@ class Block:
                 "call discretise first"
             )
         self.system = system
-        self._whole = np.block([[system.A, system.B], [system.C, system.D]])  # (n + 1, n + m): [x; u] to [next x; y]
+        self._whole = np.block(
+            [[system.A, system.B], [system.C, system.D]]
+        )  # (n + 1, n + m): [x; u] to [next x; y]
         self._states = system.nstates
         self._x: FloatArray = np.zeros(system.nstates + system.ninputs)
 

@@ -42,12 +42,25 @@ class Cascade:
             check_datum(name, getattr(self, name))
         check_datum("speed_filter_s", self.speed_filter_s, zero=True)
         check_datum("feed_forward_inertia_kg_m2", self.feed_forward_inertia_kg_m2, zero=True)
-        check_range("torque_limit_n_m", self.torque_limit_n_m, 1e-12, math.inf, "take it from the drive's data sheet")
-        check_range("speed_feed_forward", self.speed_feed_forward, 0.0, 1.0, "1 follows a ramp without lag")
+        check_range(
+            "torque_limit_n_m",
+            self.torque_limit_n_m,
+            1e-12,
+            math.inf,
+            "take it from the drive's data sheet",
+        )
+        check_range(
+            "speed_feed_forward", self.speed_feed_forward, 0.0, 1.0, "1 follows a ramp without lag"
+        )
 
     @classmethod
     def normalised(
-        cls, joint: TwoMass, speed_loop: float = 1.0, position_loop: float = 0.1, reset_time: float = 10.0, **others: float
+        cls,
+        joint: TwoMass,
+        speed_loop: float = 1.0,
+        position_loop: float = 0.1,
+        reset_time: float = 10.0,
+        **others: float,
     ) -> Cascade:
         """By omega_cv / omega_z, omega_cp / omega_z and Tiv omega_z: Kpv = omega_cv (Jm + Jlr), Kpp = omega_cp.
 
@@ -69,12 +82,18 @@ class Cascade:
         outputs = ["motor_speed", "load_speed"]
         closed = wire([*inner, disturbed()], ["speed_setpoint", *TORQUES], outputs)
         forward = wire(inner, ["speed_setpoint", "torque"], ["drive_torque"])
-        return Loop(-control.ss(forward["drive_torque", "torque"]), closed, "speed_setpoint", "motor_speed")
+        return Loop(
+            -control.ss(forward["drive_torque", "torque"]), closed, "speed_setpoint", "motor_speed"
+        )
 
-    def position_loop(self, joint: TwoMass, notch: Notch | None = None, where: Where = "inside") -> Loop:
+    def position_loop(
+        self, joint: TwoMass, notch: Notch | None = None, where: Where = "inside"
+    ) -> Loop:
         """Continuous: the Setpoint, motor_torque, load_torque to motor_angle, motor_speed, load_angle, load_speed."""
         inside, upstream = _placed(notch, where)
-        return position_loop(joint, [*self._inner(inside), *self._outer(upstream and upstream.system)])
+        return position_loop(
+            joint, [*self._inner(inside), *self._outer(upstream and upstream.system)]
+        )
 
     def sampled(self, period_s: float, notch: Notch | None = None, where: Where = "inside") -> Any:
         """CascadeController as control.StateSpace, without the torque limit: from the Setpoint and motor_angle to drive_torque.
@@ -88,7 +107,9 @@ class Cascade:
         a, kp = _filter_pole(self.speed_filter_s, period_s), self.speed_gain_n_m_s_rad
         share = (1.0 - a) / period_s
         ki = kp * period_s / self.reset_time_s
-        encoder = control.ss(a, 1.0, share * (a - 1.0), share, period_s, inputs="motor_angle", outputs="speed")
+        encoder = control.ss(
+            a, 1.0, share * (a - 1.0), share, period_s, inputs="motor_angle", outputs="speed"
+        )
         pi = control.ss(1.0, ki, 1.0, kp + ki, period_s, inputs="speed_error", outputs="pi_torque")
         blocks = [encoder, pi, *self._torques(inside), *self._outer(upstream)]
         return wire(blocks, [*SETPOINT, "motor_angle"], ["drive_torque"])
@@ -109,7 +130,14 @@ class Cascade:
         j = self.feed_forward_inertia_kg_m2
         return [
             control.summing_junction(["speed_setpoint", "-speed"], "speed_error"),
-            control.ss([], [], [], [[1.0, j]], inputs=["pi_torque", "setpoint_acceleration"], outputs="wanted_torque"),
+            control.ss(
+                [],
+                [],
+                [],
+                [[1.0, j]],
+                inputs=["pi_torque", "setpoint_acceleration"],
+                outputs="wanted_torque",
+            ),
             named(notch, "wanted_torque", "drive_torque"),
         ]
 
@@ -119,7 +147,9 @@ class Cascade:
         gains = [[self.position_gain_1_s, self.speed_feed_forward]]
         return [
             control.summing_junction(["setpoint_angle", "-motor_angle"], "angle_error"),
-            control.ss([], [], [], gains, inputs=["angle_error", "setpoint_speed"], outputs="speed_wish"),
+            control.ss(
+                [], [], [], gains, inputs=["angle_error", "setpoint_speed"], outputs="speed_wish"
+            ),
             named(notch, "speed_wish", "speed_setpoint"),
         ]
 
@@ -131,19 +161,26 @@ class CascadeController:
     would drive it further.
     """
 
-    def __init__(self, design: Cascade, period_s: float, notch: Notch | None = None, where: Where = "inside") -> None:
+    def __init__(
+        self, design: Cascade, period_s: float, notch: Notch | None = None, where: Where = "inside"
+    ) -> None:
         """Raises ServoError for a sample time out of bounds, BeyondNyquist for a notch that it cannot hold."""
         check_period(period_s)
         self.design, self.period_s, self._notch = design, period_s, (notch, where)
         self._filter_pole = _filter_pole(design.speed_filter_s, period_s)
         self._integral_gain = design.speed_gain_n_m_s_rad * period_s / design.reset_time_s
-        self._inside, self._upstream = (n and Block(n.sampled(period_s)) for n in _placed(notch, where))
+        self._inside, self._upstream = (
+            n and Block(n.sampled(period_s)) for n in _placed(notch, where)
+        )
         self.reset()
 
     def step(self, setpoint: Setpoint, motor_angle_rad: float) -> float:
         """Torque [N m] to hold until the next sample."""
         d = self.design
-        wish = d.position_gain_1_s * (setpoint.angle_rad - motor_angle_rad) + d.speed_feed_forward * setpoint.speed_rad_s
+        wish = (
+            d.position_gain_1_s * (setpoint.angle_rad - motor_angle_rad)
+            + d.speed_feed_forward * setpoint.speed_rad_s
+        )
         if self._upstream:
             wish = self._upstream.step(wish)
         error = wish - self._speed(motor_angle_rad)

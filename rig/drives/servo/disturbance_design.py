@@ -36,7 +36,9 @@ class Ratio(NamedTuple):
     def at(self, omega_rad_s: FloatArray) -> ComplexArray:
         """Response at j omega."""
         s = 1j * np.asarray(omega_rad_s)
-        return np.asarray(np.polyval(self.numerator, s) / np.polyval(self.denominator, s), dtype=np.complex128)
+        return np.asarray(
+            np.polyval(self.numerator, s) / np.polyval(self.denominator, s), dtype=np.complex128
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,8 +58,13 @@ class LowPass:
         """q of Q = 1 / q, highest power first; its last coefficient is 1."""
         t, order = self.time_constant_s, self.order
         if self.kind == "binomial":
-            return np.array([math.comb(order, power) * t**power for power in range(order, -1, -1)], dtype=np.float64)
-        turns = (2.0 * np.arange(1, order + 1) + order - 1.0) / (2.0 * order)  # of the poles, in half turns
+            return np.array(
+                [math.comb(order, power) * t**power for power in range(order, -1, -1)],
+                dtype=np.float64,
+            )
+        turns = (2.0 * np.arange(1, order + 1) + order - 1.0) / (
+            2.0 * order
+        )  # of the poles, in half turns
         scaled = np.poly(np.exp(1j * math.pi * turns)).real
         return np.asarray(scaled * t ** np.arange(order, -1, -1), dtype=np.float64)
 
@@ -98,7 +105,10 @@ class Nominal:
 
     def is_joint(self, joint: TwoMass) -> bool:
         """Whether this is the elastic model of that very joint."""
-        pairs = ((self.numerator, joint.motor_numerator), (self.denominator, joint.denominator[:-1]))
+        pairs = (
+            (self.numerator, joint.motor_numerator),
+            (self.denominator, joint.denominator[:-1]),
+        )
         return all(a.shape == b.shape and np.allclose(a, b, rtol=SAME, atol=0.0) for a, b in pairs)
 
 
@@ -114,11 +124,14 @@ class ObserverDesign:
     measured: Measured = "speed"
 
     def __post_init__(self) -> None:
-        needed = self.nominal.denominator.size - self.nominal.numerator.size + (self.measured == "angle")
+        needed = (
+            self.nominal.denominator.size - self.nominal.numerator.size + (self.measured == "angle")
+        )
         if self.low_pass.order < needed:
             raise Improper(
                 f"order = {self.low_pass.order} of Q over a nominal with {needed} more poles than zeros from torque to "
-                f"{self.measured}; must be >= {needed}: raise the order" + (", or measure the speed" if needed == 2 else "")
+                f"{self.measured}; must be >= {needed}: raise the order"
+                + (", or measure the speed" if needed == 2 else "")
             )
 
     def characteristic(self, joint: TwoMass) -> FloatArray:
@@ -128,7 +141,12 @@ class ObserverDesign:
         Kel)(Jm s^2 + Dm s) + G_f (Del s + Kel) Jlr s^2 (source 001 prints Jm in place of Jlr in the last term).
         """
         a, b = self.nominal.numerator, self.nominal.denominator
-        return np.asarray(np.polyadd(np.polymul(self._high(a), joint.denominator[:-1]), np.polymul(joint.motor_numerator, b)))
+        return np.asarray(
+            np.polyadd(
+                np.polymul(self._high(a), joint.denominator[:-1]),
+                np.polymul(joint.motor_numerator, b),
+            )
+        )
 
     def poles_1_s(self, joint: TwoMass) -> ComplexArray:
         """Those that a torque on the motor moves. The elastic nominal of the joint itself leaves the joint's own and Q's: what
@@ -140,7 +158,11 @@ class ObserverDesign:
 
     def hidden_poles_1_s(self, joint: TwoMass) -> ComplexArray:
         """Of the elastic nominal's inverse; no torque on the motor moves them, a torque on the load does."""
-        return _roots(joint.motor_numerator) if self.nominal.is_joint(joint) else np.zeros(0, dtype=np.complex128)
+        return (
+            _roots(joint.motor_numerator)
+            if self.nominal.is_joint(joint)
+            else np.zeros(0, dtype=np.complex128)
+        )
 
     def loop(self, joint: TwoMass) -> Loop:
         """Continuous, opened where the observer's torque enters the motor; closed from the controller's torque, wanted_torque.
@@ -151,10 +173,16 @@ class ObserverDesign:
 
         own = self.estimator()
         own = control.ss(own, inputs=["drive_torque", own.input_labels[1]], outputs="added_torque")
-        blocks = [driven(joint), own, control.summing_junction(["wanted_torque", "added_torque"], "drive_torque")]
+        blocks = [
+            driven(joint),
+            own,
+            control.summing_junction(["wanted_torque", "added_torque"], "drive_torque"),
+        ]
         closed = wire([*blocks, disturbed()], ["wanted_torque", *TORQUES], STATES)
         forward = wire(blocks, ["wanted_torque", "torque"], ["drive_torque"])
-        return Loop(-control.ss(forward["drive_torque", "torque"]), closed, "wanted_torque", "motor_speed")
+        return Loop(
+            -control.ss(forward["drive_torque", "torque"]), closed, "wanted_torque", "motor_speed"
+        )
 
     def least_damped(self, joint: TwoMass) -> Mode:
         """Of the poles that a torque on the motor moves, Q's included; damping 1 where nothing swings, < 0 if unstable."""
@@ -167,8 +195,13 @@ class ObserverDesign:
             through = joint.motor_numerator if torque == speed else joint.load_numerator
             top = self._high(np.asarray(np.polymul(a, through)))
         else:
-            own = np.polyadd([joint.motor_inertia_kg_m2, joint.motor_friction_n_m_s_rad, 0.0], joint.load_numerator)
-            top = np.asarray(np.polyadd(self._high(np.asarray(np.polymul(a, own))), np.append(b, 0.0)))
+            own = np.polyadd(
+                [joint.motor_inertia_kg_m2, joint.motor_friction_n_m_s_rad, 0.0],
+                joint.load_numerator,
+            )
+            top = np.asarray(
+                np.polyadd(self._high(np.asarray(np.polymul(a, own))), np.append(b, 0.0))
+            )
         return Ratio(top, self.characteristic(joint))
 
     def command(self, joint: TwoMass, speed: Place) -> Ratio:
@@ -185,10 +218,17 @@ class ObserverDesign:
         b = np.append(b, 0.0) if self.measured == "angle" else b
         below = np.polymul(self.low_pass.denominator, a)
         order = below.size - 1
-        powers = self.low_pass.time_constant_s ** -np.arange(order, -1.0, -1.0)  # s T in place of s: coefficients near 1
+        powers = self.low_pass.time_constant_s ** -np.arange(
+            order, -1.0, -1.0
+        )  # s T in place of s: coefficients near 1
         ahead = np.polymul([lead_s, 1.0], a) if lead_s else a
-        above = np.array([np.pad(top, (order + 1 - top.size, 0)) for top in (ahead, -b)])  # (2, order + 1)
-        above, below = above * powers / (below[0] * powers[0]), below * powers / (below[0] * powers[0])
+        above = np.array(
+            [np.pad(top, (order + 1 - top.size, 0)) for top in (ahead, -b)]
+        )  # (2, order + 1)
+        above, below = (
+            above * powers / (below[0] * powers[0]),
+            below * powers / (below[0] * powers[0]),
+        )
         state = np.eye(order, k=1)
         state[:, 0] = -below[1:]
         push = above[:, 1:].T - np.outer(below[1:], above[:, 0])

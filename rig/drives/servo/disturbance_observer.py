@@ -24,10 +24,14 @@ class DisturbanceObserver:
         """Raises ServoError for a sample time out of bounds, BeyondNyquist for a Q with its corner beyond half the sampling."""
         check_period(period_s)
         corner = 1.0 / design.low_pass.time_constant_s
-        check_below_nyquist("1 / time_constant_s", corner, period_s, "sample faster, or take a longer time constant")
+        check_below_nyquist(
+            "1 / time_constant_s", corner, period_s, "sample faster, or take a longer time constant"
+        )
         self.design, self.period_s = design, period_s
         self._difference = design.measured == "speed"
-        self._block = Block(discretise(design.estimator(0.0 if self._difference else period_s / 2.0), period_s))
+        self._block = Block(
+            discretise(design.estimator(0.0 if self._difference else period_s / 2.0), period_s)
+        )
         self._last_angle = 0.0
 
     def step(self, torque_n_m: float, motor_angle_rad: float) -> float:
@@ -49,10 +53,16 @@ class DisturbanceObserver:
         import control
 
         if not self._difference:
-            return control.ss(self._block.system, inputs=["applied_before", "motor_angle"], outputs="added_torque")
+            return control.ss(
+                self._block.system, inputs=["applied_before", "motor_angle"], outputs="added_torque"
+            )
         t = self.period_s
-        difference = control.ss(0.0, 1.0, -1.0 / t, 1.0 / t, t, inputs="motor_angle", outputs="speed")
-        own = control.ss(self._block.system, inputs=["applied_before", "speed"], outputs="added_torque")
+        difference = control.ss(
+            0.0, 1.0, -1.0 / t, 1.0 / t, t, inputs="motor_angle", outputs="speed"
+        )
+        own = control.ss(
+            self._block.system, inputs=["applied_before", "speed"], outputs="added_torque"
+        )
         return wire([difference, own], ["applied_before", "motor_angle"], ["added_torque"])
 
 
@@ -62,10 +72,25 @@ class Compensated:
     The observer is told the torque that was applied, after the limit.
     """
 
-    def __init__(self, controller: Controller, observer: DisturbanceObserver, torque_limit_n_m: float = math.inf) -> None:
+    def __init__(
+        self,
+        controller: Controller,
+        observer: DisturbanceObserver,
+        torque_limit_n_m: float = math.inf,
+    ) -> None:
         """Raises ServoError for a limit that is not > 0."""
-        check_range("torque_limit_n_m", torque_limit_n_m, 1e-12, math.inf, "take it from the drive's data sheet")
-        self.controller, self.observer, self.torque_limit_n_m = controller, observer, torque_limit_n_m
+        check_range(
+            "torque_limit_n_m",
+            torque_limit_n_m,
+            1e-12,
+            math.inf,
+            "take it from the drive's data sheet",
+        )
+        self.controller, self.observer, self.torque_limit_n_m = (
+            controller,
+            observer,
+            torque_limit_n_m,
+        )
         self._applied = 0.0
 
     def step(self, setpoint: Setpoint, motor_angle_rad: float) -> float:
@@ -86,7 +111,19 @@ class Compensated:
         """See Controller."""
         import control
 
-        own = control.ss(self.controller.system, inputs=[*SETPOINT, "motor_angle"], outputs="wanted_torque")
-        before = control.ss(0.0, 1.0, 1.0, 0.0, self.observer.period_s, inputs="drive_torque", outputs="applied_before")
+        own = control.ss(
+            self.controller.system, inputs=[*SETPOINT, "motor_angle"], outputs="wanted_torque"
+        )
+        before = control.ss(
+            0.0,
+            1.0,
+            1.0,
+            0.0,
+            self.observer.period_s,
+            inputs="drive_torque",
+            outputs="applied_before",
+        )
         both = control.summing_junction(["wanted_torque", "added_torque"], "drive_torque")
-        return wire([own, self.observer.system, before, both], [*SETPOINT, "motor_angle"], ["drive_torque"])
+        return wire(
+            [own, self.observer.system, before, both], [*SETPOINT, "motor_angle"], ["drive_torque"]
+        )

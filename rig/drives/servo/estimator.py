@@ -49,9 +49,27 @@ class Noise:
     encoder_period_s: float = 1e-3
 
     def __post_init__(self) -> None:
-        check_range("motor_torque_n2_m2_s", self.motor_torque_n2_m2_s, 1e-18, 1e12, "0.05 N m held 1 ms make 2.5e-6")
-        check_range("load_torque_n2_m2_s", self.load_torque_n2_m2_s, 0.0, 1e12, "0.05 N m held 1 ms make 2.5e-6")
-        check_range("encoder_counts_per_rev", self.encoder_counts_per_rev, 1.0, 2.0**40, "give all edges, four a line")
+        check_range(
+            "motor_torque_n2_m2_s",
+            self.motor_torque_n2_m2_s,
+            1e-18,
+            1e12,
+            "0.05 N m held 1 ms make 2.5e-6",
+        )
+        check_range(
+            "load_torque_n2_m2_s",
+            self.load_torque_n2_m2_s,
+            0.0,
+            1e12,
+            "0.05 N m held 1 ms make 2.5e-6",
+        )
+        check_range(
+            "encoder_counts_per_rev",
+            self.encoder_counts_per_rev,
+            1.0,
+            2.0**40,
+            "give all edges, four a line",
+        )
         check_period(self.encoder_period_s)
 
     @property
@@ -76,7 +94,10 @@ class Estimator:
 
     def poles_1_s(self, joint: TwoMass) -> ComplexArray:
         """The four of A - L C, with which the error of the estimate dies out."""
-        return np.asarray(np.linalg.eigvals(joint.state_matrix - np.outer(self.gains, ENCODER)), dtype=np.complex128)
+        return np.asarray(
+            np.linalg.eigvals(joint.state_matrix - np.outer(self.gains, ENCODER)),
+            dtype=np.complex128,
+        )
 
     def sampled(self, joint: TwoMass, period_s: float) -> FloatArray:
         """Gains M (4,) of the filter that predicts exactly, the torque being held, and corrects with the angle of this sample:
@@ -106,7 +127,9 @@ class SampledEstimator:
 
     gains: tuple[float, float, float, float]  # 1, 1/s, 1, 1/s
     period_s: float
-    deviations: tuple[float, float, float, float]  # standard, of x^ under the noise it was designed for: rad, rad/s, rad, rad/s
+    deviations: tuple[
+        float, float, float, float
+    ]  # standard, of x^ under the noise it was designed for: rad, rad/s, rad, rad/s
 
     def __post_init__(self) -> None:
         _check_gains(self.gains)
@@ -117,7 +140,9 @@ class SampledEstimator:
         encoder that is believed at once, is left out."""
         units = sample_units(self.period_s)
         left = sampled_joint(joint, self.period_s)[0] @ (np.eye(4) - np.outer(self.gains, ENCODER))
-        return continuous(np.linalg.eigvals(left * units.states / units.states[:, None]), self.period_s)
+        return continuous(
+            np.linalg.eigvals(left * units.states / units.states[:, None]), self.period_s
+        )
 
     def sampled(self, joint: TwoMass, period_s: float) -> FloatArray:
         """M (4,). Raises ServoError for another sample time than it was designed for."""
@@ -128,7 +153,9 @@ class SampledEstimator:
         return np.array(self.gains)
 
 
-def assign(joint: TwoMass, poles_1_s: Sequence[complex] | ComplexArray, period_s: float | None = None) -> Estimator:
+def assign(
+    joint: TwoMass, poles_1_s: Sequence[complex] | ComplexArray, period_s: float | None = None
+) -> Estimator:
     """Gains that give the error of the estimate these four poles.
 
     Raises NotObservable, and PolesOutOfReach for poles that are not conjugate, not four, not in the left half plane, or, with
@@ -148,7 +175,9 @@ def kalman(joint: TwoMass, noise: Noise | None = None) -> Estimator:
     check_observable(joint.state_matrix, ENCODER, units)
     spread = joint.input_matrix @ noise.torques @ joint.input_matrix.T
     density = noise.angle_rad2 * noise.encoder_period_s
-    return _estimator(least_cost(joint.state_matrix.T, ENCODER, spread, density, units.dual, str(noise), NOISIER))
+    return _estimator(
+        least_cost(joint.state_matrix.T, ENCODER, spread, density, units.dual, str(noise), NOISIER)
+    )
 
 
 def sampled_kalman(joint: TwoMass, noise: Noise, period_s: float) -> SampledEstimator:
@@ -160,7 +189,10 @@ def sampled_kalman(joint: TwoMass, noise: Noise, period_s: float) -> SampledEsti
     check_observable(joint.state_matrix, ENCODER, own_units(joint))
     a, _ = sampled_joint(joint, period_s)
     units, angle = sample_units(period_s), noise.angle_rad2
-    a, lost = a * units.states / units.states[:, None], f"{noise} leaves no gains within floating point: {NOISIER}"
+    a, lost = (
+        a * units.states / units.states[:, None],
+        f"{noise} leaves no gains within floating point: {NOISIER}",
+    )
     try:
         with np.errstate(all="ignore"):
             prior = doubled(a.T, np.outer(ENCODER, ENCODER) / angle, _added(joint, noise, period_s))
@@ -173,8 +205,12 @@ def sampled_kalman(joint: TwoMass, noise: Noise, period_s: float) -> SampledEsti
     if not np.all(variance >= 0.0):
         raise ServoError(lost)
     if not largest < 1.0 - SETTLING:
-        raise ServoError(f"{noise} leaves {largest:.12g} of an error after a sample; must be < 1 - {SETTLING:g}: {NOISIER}")
-    return SampledEstimator(_four(gains * units.states), period_s, _four(np.sqrt(variance) * units.states))
+        raise ServoError(
+            f"{noise} leaves {largest:.12g} of an error after a sample; must be < 1 - {SETTLING:g}: {NOISIER}"
+        )
+    return SampledEstimator(
+        _four(gains * units.states), period_s, _four(np.sqrt(variance) * units.states)
+    )
 
 
 def _added(joint: TwoMass, noise: Noise, period_s: float) -> FloatArray:

@@ -39,21 +39,40 @@ class LoadFilter:
 
     def __post_init__(self) -> None:
         values = (*self.numerator, *self.denominator)
-        if not (self.numerator and self.denominator and all(map(math.isfinite, values)) and self.denominator[0]):
-            raise ServoError(f"F0 = {self.numerator} / {self.denominator}; must be finite, its denominator not led by 0")
+        if not (
+            self.numerator
+            and self.denominator
+            and all(map(math.isfinite, values))
+            and self.denominator[0]
+        ):
+            raise ServoError(
+                f"F0 = {self.numerator} / {self.denominator}; must be finite, its denominator not led by 0"
+            )
         if self.relative_degree < 0:
-            raise Improper(f"F0 has a relative degree of {self.relative_degree}; must be >= 0: add poles")
+            raise Improper(
+                f"F0 has a relative degree of {self.relative_degree}; must be >= 0: add poles"
+            )
         slowest = max((root.real for root in np.roots(self.denominator)), default=-math.inf)
         if not slowest < 0.0:
-            raise ServoError(f"F0 has a pole with real part {slowest:.6g} 1/s; must be < 0: the load would never settle")
+            raise ServoError(
+                f"F0 has a pole with real part {slowest:.6g} 1/s; must be < 0: the load would never settle"
+            )
         gain = self.numerator[-1] / self.denominator[-1]
         if not abs(gain - 1.0) < 1e-9:
-            raise ServoError(f"F0 = {gain:.9g} at rest; must be 1: scale its numerator, else the load stops elsewhere")
+            raise ServoError(
+                f"F0 = {gain:.9g} at rest; must be 1: scale its numerator, else the load stops elsewhere"
+            )
 
     @classmethod
     def binomial(cls, relative_degree: int, corner_rad_s: float = CORNER_RAD_S) -> LoadFilter:
         """1 / (1 + s / corner)^relative_degree. Raises ServoError for a corner out of bounds or a degree not 0 to 12."""
-        check_range("relative_degree", relative_degree, 0, 12, "3 suits a joint with a damper, 4 one without")
+        check_range(
+            "relative_degree",
+            relative_degree,
+            0,
+            12,
+            "3 suits a joint with a damper, 4 one without",
+        )
         check_range("corner_rad_s", corner_rad_s, 1e-6, 1e9, "about the joint's antiresonance")
         powers = range(relative_degree, -1, -1)
         return cls((1.0,), tuple(math.comb(relative_degree, i) / corner_rad_s**i for i in powers))
@@ -119,11 +138,17 @@ def nominal(joint: TwoMass, load_filter: LoadFilter) -> Any:
     load_filter.check_proper(joint)
     below = np.polymul(load_filter.denominator, np.trim_zeros(joint.load_numerator, "f"))
     n, rate_1_s = len(below) - 1, float(np.max(np.abs(np.roots(below))))
-    powers = rate_1_s ** np.arange(n, -1, -1.0)  # in time of the fastest pole, where the companion form is well conditioned
+    powers = rate_1_s ** np.arange(
+        n, -1, -1.0
+    )  # in time of the fastest pole, where the companion form is well conditioned
     below = below * powers
     motor, load, s = joint.motor_numerator, joint.load_numerator, (1.0, 0.0)
     above = [motor, np.polymul(motor, s), load, np.polymul(load, s), joint.denominator]
-    rows = _padded([np.polymul(load_filter.numerator, poly) for poly in above], n + 1) * powers / below[0]
+    rows = (
+        _padded([np.polymul(load_filter.numerator, poly) for poly in above], n + 1)
+        * powers
+        / below[0]
+    )
     companion = np.eye(n, k=-1)
     companion[0] = -below[1:] / below[0]
     first = np.zeros((n, 1))
@@ -163,7 +188,9 @@ def dynamic(joint: TwoMass, period_s: float, load_filter: LoadFilter) -> Lead:
     check_period(period_s)
     system = nominal(joint, load_filter)
     n = system.nstates
-    whole = np.zeros((n + 4, n + 4))  # d/dt of [filter; angle, speed, acceleration; integral of the torque]
+    whole = np.zeros(
+        (n + 4, n + 4)
+    )  # d/dt of [filter; angle, speed, acceleration; integral of the torque]
     whole[:n, : n + 1] = np.hstack([system.A, system.B])
     whole[n, n + 1] = whole[n + 1, n + 2] = 1.0
     whole[n + 3, : n + 1] = np.append(system.C[4], system.D[4])
@@ -174,14 +201,20 @@ def dynamic(joint: TwoMass, period_s: float, load_filter: LoadFilter) -> Lead:
     return Lead(after[:n, :n], after[:n, n : n + 3], c, d)
 
 
-FEED_FORWARD: dict[str, Callable[[TwoMass, float, LoadFilter], Lead]] = {"none": none, "rigid": rigid, "dynamic": dynamic}
+FEED_FORWARD: dict[str, Callable[[TwoMass, float, LoadFilter], Lead]] = {
+    "none": none,
+    "rigid": rigid,
+    "dynamic": dynamic,
+}
 
 
 def lead(name: str, joint: TwoMass, period_s: float, load_filter: LoadFilter | None = None) -> Lead:
     """By name; without a filter the binomial one of the least degree. Raises ServoError for an unknown name, Improper."""
     if name not in FEED_FORWARD:
         raise ServoError(str(unknown_name("feed_forward", name, FEED_FORWARD)))
-    return FEED_FORWARD[name](joint, period_s, load_filter or LoadFilter.binomial(least_degree(joint)))
+    return FEED_FORWARD[name](
+        joint, period_s, load_filter or LoadFilter.binomial(least_degree(joint))
+    )
 
 
 def _padded(polynomials: list[FloatArray], length: int) -> FloatArray:

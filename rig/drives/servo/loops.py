@@ -69,7 +69,9 @@ def zeros(system: Any) -> ComplexArray:
 
 def modes(poles_1_s: ComplexArray | FloatArray) -> tuple[Mode, ...]:
     """One of each conjugate pair, slowest first; a pole at 0 counts as damping 1."""
-    kept = [p for p in np.asarray(poles_1_s, dtype=np.complex128).tolist() if p.imag >= -REAL * abs(p)]
+    kept = [
+        p for p in np.asarray(poles_1_s, dtype=np.complex128).tolist() if p.imag >= -REAL * abs(p)
+    ]
     rows = [Mode(abs(p), -p.real / abs(p) if abs(p) else 1.0) for p in kept]
     return tuple(sorted(rows))
 
@@ -115,9 +117,16 @@ def margins(opened: Any) -> Margins:
 def _along_w(a: Any, b: Any, c: Any, d: Any, period_s: float) -> tuple[Any, Any, Any, Any]:
     one = np.eye(len(a))
     if len(a) and np.min(np.abs(np.linalg.eigvals(a) + 1.0)) < DELAY:
-        raise ServoError("a sampled loop with a pole at z = -1; must have none: it rings at half the sampling, filter it")
+        raise ServoError(
+            "a sampled loop with a pole at z = -1; must have none: it rings at half the sampling, filter it"
+        )
     inverse = np.linalg.inv(one + a)
-    return 2.0 / period_s * inverse @ (a - one), 2.0 / period_s * inverse @ b, 2.0 * c @ inverse, d - c @ inverse @ b
+    return (
+        2.0 / period_s * inverse @ (a - one),
+        2.0 / period_s * inverse @ b,
+        2.0 * c @ inverse,
+        d - c @ inverse @ b,
+    )
 
 
 def condition(system: Any) -> float:

@@ -43,7 +43,13 @@ class StateSpaceController:
         feed_forward: str = "none",
         load_filter: LoadFilter | None = None,
     ) -> None:
-        check_range("torque_limit_n_m", torque_limit_n_m, 1e-12, math.inf, "take it from the drive's data sheet")
+        check_range(
+            "torque_limit_n_m",
+            torque_limit_n_m,
+            1e-12,
+            math.inf,
+            "take it from the drive's data sheet",
+        )
         self._period_s, self._limit_n_m = period_s, torque_limit_n_m
         ahead = lead(feed_forward, joint, period_s, load_filter)
         self._row, self._next = _fold(joint, feedback, estimator, ahead, period_s)
@@ -107,14 +113,23 @@ def continuous_facts(joint: TwoMass, feedback: Feedback, estimator: Estimator) -
     """Of the continuous loop with its observer: opened at the motor's torque, closed from reference to motor angle."""
     import control
 
-    plant, controller = joint.plant["motor_angle", "motor_torque"], compensator(joint, feedback, estimator)
+    plant, controller = (
+        joint.plant["motor_angle", "motor_torque"],
+        compensator(joint, feedback, estimator),
+    )
     opened = -plant * controller["motor_torque", "motor_angle"]
-    closed = control.interconnect([plant, controller], inplist=["reference"], outlist=["motor_angle"], check_unused=False)
+    closed = control.interconnect(
+        [plant, controller], inplist=["reference"], outlist=["motor_angle"], check_unused=False
+    )
     return facts(opened, closed)
 
 
 def _fold(
-    joint: TwoMass, feedback: Feedback, estimator: Estimator | SampledEstimator, ahead: Lead, period_s: float
+    joint: TwoMass,
+    feedback: Feedback,
+    estimator: Estimator | SampledEstimator,
+    ahead: Lead,
+    period_s: float,
 ) -> tuple[FloatArray, FloatArray]:
     """The torque's row (n + 4,) and the next states' matrix (n, n + 6), n = 5 + states of the feed-forward."""
     a, b = sampled_joint(joint, period_s)

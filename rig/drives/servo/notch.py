@@ -32,7 +32,9 @@ class Notch:
 
     def __post_init__(self) -> None:
         check_datum("frequency_rad_s", self.frequency_rad_s)
-        check_range("denominator_damping", self.denominator_damping, 1e-6, MOST_DAMPING, "1 is usual")
+        check_range(
+            "denominator_damping", self.denominator_damping, 1e-6, MOST_DAMPING, "1 is usual"
+        )
         if not 0.0 <= self.numerator_damping < self.denominator_damping:
             raise ServoError(
                 f"numerator_damping = {self.numerator_damping}; must be 0 or more and < denominator_damping = "
@@ -62,7 +64,11 @@ class Notch:
                 f"depth = {depth}; must be 0 or more and < {DEEPEST_BAND:.6g}, or nothing is 3 dB down: ask for a deeper notch"
             )
         damping = band_rad_s / (2.0 * frequency_rad_s) / math.sqrt(1.0 - 2.0 * depth**2)
-        return cls(frequency_rad_s=frequency_rad_s, numerator_damping=depth * damping, denominator_damping=damping)
+        return cls(
+            frequency_rad_s=frequency_rad_s,
+            numerator_damping=depth * damping,
+            denominator_damping=damping,
+        )
 
     @property
     def depth(self) -> float:
@@ -85,7 +91,11 @@ class Notch:
                 f"numerator_damping = {self.numerator_damping}; must be < {self.denominator_damping * DEEPEST_BAND:.6g} "
                 "(denominator_damping / sqrt(2)) to be 3 dB down anywhere: damp the denominator more"
             )
-        return 2.0 * self.frequency_rad_s * math.sqrt(self.denominator_damping**2 - 2.0 * self.numerator_damping**2)
+        return (
+            2.0
+            * self.frequency_rad_s
+            * math.sqrt(self.denominator_damping**2 - 2.0 * self.numerator_damping**2)
+        )
 
     @property
     def edges_rad_s(self) -> tuple[float, float]:
@@ -120,7 +130,9 @@ class Notch:
         Raises BeyondNyquist for a frequency the sampling cannot hold, ServoError for a sample time out of bounds.
         """
         self._check_sampling(period_s)
-        return discretise(self.system, period_s, prewarp_rad_s=self.frequency_rad_s if prewarp else None)
+        return discretise(
+            self.system, period_s, prewarp_rad_s=self.frequency_rad_s if prewarp else None
+        )
 
     def digital_frequency_rad_s(self, period_s: float) -> float:
         """Where the notch lies when sampled without prewarp: (2 / Ts) atan(w Ts / 2). Raises like sampled."""
@@ -129,4 +141,9 @@ class Notch:
 
     def _check_sampling(self, period_s: float) -> None:
         check_period(period_s)
-        check_below_nyquist("frequency_rad_s", self.frequency_rad_s, period_s, "sample faster, or leave the notch out")
+        check_below_nyquist(
+            "frequency_rad_s",
+            self.frequency_rad_s,
+            period_s,
+            "sample faster, or leave the notch out",
+        )

@@ -51,7 +51,9 @@ def balanced(a: FloatArray) -> Units:
     from scipy.linalg import matrix_balance
 
     _, (states, _) = matrix_balance(a, permute=False, separate=True)
-    return Units(np.asarray(states, dtype=np.float64), float(np.max(np.abs(np.linalg.eigvals(a)))) or 1.0)
+    return Units(
+        np.asarray(states, dtype=np.float64), float(np.max(np.abs(np.linalg.eigvals(a)))) or 1.0
+    )
 
 
 def reach(a: FloatArray, b: FloatArray, units: Units | None = None) -> tuple[Reach, ...]:
@@ -66,7 +68,11 @@ def reach(a: FloatArray, b: FloatArray, units: Units | None = None) -> tuple[Rea
     rows = []
     for value in np.linalg.eigvals(scaled):
         pencil = np.column_stack([scaled - value * np.eye(len(a)), column])
-        rows.append(Reach(complex(value * units.rate_1_s), float(np.linalg.svd(pencil, compute_uv=False)[-1])))
+        rows.append(
+            Reach(
+                complex(value * units.rate_1_s), float(np.linalg.svd(pencil, compute_uv=False)[-1])
+            )
+        )
     return tuple(sorted(rows, key=lambda row: row.measure))
 
 
@@ -94,11 +100,17 @@ def check_shapes(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Both as arrays. Raises ServoError unless a is (n, n) and b (n,), both finite."""
     a, b = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
     if a.ndim != 2 or a.shape[0] != a.shape[1] or b.shape != a.shape[:1] or b.size == 0:
-        raise ServoError(f"a state matrix of shape {a.shape} with a vector of shape {b.shape}; must be (n, n) and (n,)")
+        raise ServoError(
+            f"a state matrix of shape {a.shape} with a vector of shape {b.shape}; must be (n, n) and (n,)"
+        )
     if not (np.all(np.isfinite(a)) and np.all(np.isfinite(b))):
-        raise ServoError("a state matrix or its vector holds nan or inf; must be finite: look for a division by a datum of 0")
+        raise ServoError(
+            "a state matrix or its vector holds nan or inf; must be finite: look for a division by a datum of 0"
+        )
     return a, b
 
 
 def _told(value: complex) -> str:
-    return f"{value.real:.6g}" if value.imag == 0.0 else f"{value.real:.6g} +- {abs(value.imag):.6g}j"
+    return (
+        f"{value.real:.6g}" if value.imag == 0.0 else f"{value.real:.6g} +- {abs(value.imag):.6g}j"
+    )

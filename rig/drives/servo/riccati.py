@@ -14,12 +14,21 @@ from rig.drives.servo.errors import ServoError
 from rig.drives.servo.reachability import Units
 
 DOUBLINGS = 50  # of a horizon that starts with one step: it outlasts every pole that is told from 1
-SHIFTS = 1.1, 2.7  # of the Cayley transform, over the fastest pole of the optimum: two ways to the same gains
+SHIFTS = (
+    1.1,
+    2.7,
+)  # of the Cayley transform, over the fastest pole of the optimum: two ways to the same gains
 AGREEMENT = 1e-6  # of those two
 
 
 def least_cost(
-    a: FloatArray, b: FloatArray, cost: FloatArray, weight: float, units: Units, given: str, advice: str
+    a: FloatArray,
+    b: FloatArray,
+    cost: FloatArray,
+    weight: float,
+    units: Units,
+    given: str,
+    advice: str,
 ) -> FloatArray:
     """k (n,) of u = -k x that minimises the integral of x^T cost x + weight u^2, worked out in the units given.
 
@@ -59,4 +68,6 @@ def _stabilising(a: FloatArray, g: FloatArray, h: FloatArray, shift: float) -> F
     rate = shift * float(np.max(np.abs(np.linalg.eigvals(np.block([[a, -g], [-h, -a.T]])))))
     back = np.linalg.inv(a - rate * one)
     whole = np.linalg.inv(a - rate * one + g @ back.T @ h)
-    return doubled(one + 2.0 * rate * whole, 2.0 * rate * back @ g @ whole.T, 2.0 * rate * whole.T @ h @ back)
+    return doubled(
+        one + 2.0 * rate * whole, 2.0 * rate * back @ g @ whole.T, 2.0 * rate * whole.T @ h @ back
+    )

@@ -23,7 +23,13 @@ from planners.errors import unknown_name
 from planners.shapers import SHAPERS, Shaper, convolve, insensitivity, residual
 from planners.trajectories.pieces import FloatArray
 from rig.drives.servo.block import check_period
-from rig.drives.servo.errors import BeyondNyquist, ServoError, check_below_nyquist, check_datum, check_range
+from rig.drives.servo.errors import (
+    BeyondNyquist,
+    ServoError,
+    check_below_nyquist,
+    check_datum,
+    check_range,
+)
 from rig.drives.servo.loops import Mode
 from rig.drives.servo.setpoint import Setpoint
 
@@ -38,7 +44,9 @@ class ShaperFacts(NamedTuple):
     """What a shaper does to one mode, see planners.shapers."""
 
     residual: float  # V at the mode
-    insensitivity: float  # width of the band around the mode's frequency, as a share of it, in which V <= 5 %
+    insensitivity: (
+        float  # width of the band around the mode's frequency, as a share of it, in which V <= 5 %
+    )
     duration_s: float
 
 
@@ -58,7 +66,9 @@ def design(name: str, modes: Sequence[Mode], period_s: float) -> Shaper:
     if name not in SHAPERS:
         raise unknown_name("shaper", name, SHAPERS)
     if not modes:
-        raise ServoError(f"modes of shaper {name} = (); must be one or more: give those of the joint that swing")
+        raise ServoError(
+            f"modes of shaper {name} = (); must be one or more: give those of the joint that swing"
+        )
     return convolve(*(on_grid(SHAPERS[name](rate_1_s(mode)), mode, period_s) for mode in modes))
 
 
@@ -71,7 +81,9 @@ def on_grid(shaper: Shaper, mode: Mode, period_s: float) -> Shaper:
     check_period(period_s)
     rate = rate_1_s(mode)
     check_below_nyquist("damped frequency of a shaper's mode", rate.imag, period_s, "sample faster")
-    check_range("samples of delay", float(shaper.times_s[-1] / period_s), 0.0, MOST_SAMPLES, "sample slower")
+    check_range(
+        "samples of delay", float(shaper.times_s[-1] / period_s), 0.0, MOST_SAMPLES, "sample slower"
+    )
     line = _divided(shaper, rate, period_s)
     total = float(line.sum())
     if not total > LEAST_SUM:
@@ -92,8 +104,12 @@ def _divided(shaper: Shaper, rate_1_s: complex, period_s: float) -> FloatArray:
     late_s = (samples - before) * period_s
     early_s, whole = period_s - late_s, math.sin(w * period_s)
     line: FloatArray = np.zeros(int(before[-1]) + 2)
-    np.add.at(line, before, shaper.amplitudes * np.exp(-decay * late_s) * np.sin(w * early_s) / whole)
-    np.add.at(line, before + 1, shaper.amplitudes * np.exp(decay * early_s) * np.sin(w * late_s) / whole)
+    np.add.at(
+        line, before, shaper.amplitudes * np.exp(-decay * late_s) * np.sin(w * early_s) / whole
+    )
+    np.add.at(
+        line, before + 1, shaper.amplitudes * np.exp(decay * early_s) * np.sin(w * late_s) / whole
+    )
     return line
 
 
@@ -121,7 +137,9 @@ class ShapedSetpoint:
                 f"times_s = {shaper.times_s[off]} of impulse {off} is {samples[off]:.6f} samples of {period_s:g} s; "
                 "must be a whole number: design the shaper for this sample time, or put it there with on_grid"
             )
-        self._taps: list[tuple[float, int]] = list(zip(shaper.amplitudes.tolist(), delays.tolist(), strict=True))
+        self._taps: list[tuple[float, int]] = list(
+            zip(shaper.amplitudes.tolist(), delays.tolist(), strict=True)
+        )
         self._line = [Setpoint(0.0)] * (int(delays[-1]) + 1)  # a ring
         self._now = 0  # where the next setpoint goes; older ones lie before it
 

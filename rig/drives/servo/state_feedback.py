@@ -23,7 +23,9 @@ from rig.drives.servo.reachability import Units, check_reachable, own_units
 from rig.drives.servo.riccati import least_cost
 from rig.drives.servo.two_mass import TwoMass
 
-SETTLING = 1e-9  # real part of the slowest pole to be had, as a share of the fastest: below it is rounding
+SETTLING = (
+    1e-9  # real part of the slowest pole to be had, as a share of the fastest: below it is rounding
+)
 MAX_SAMPLED_ENTRY = 1e9  # of A period in sample units: the exponential of a larger one is rounding in its seventh digit
 
 
@@ -39,8 +41,12 @@ class Feedback:
     integral_gain_n_m_rad_s: float  # kI
 
     def __post_init__(self) -> None:
-        if len(self.gains) != 4 or not all(map(math.isfinite, (*self.gains, self.integral_gain_n_m_rad_s))):
-            raise ServoError(f"gains = {self.gains}, {self.integral_gain_n_m_rad_s}; must be four and one, all finite")
+        if len(self.gains) != 4 or not all(
+            map(math.isfinite, (*self.gains, self.integral_gain_n_m_rad_s))
+        ):
+            raise ServoError(
+                f"gains = {self.gains}, {self.integral_gain_n_m_rad_s}; must be four and one, all finite"
+            )
 
     @property
     def row(self) -> FloatArray:
@@ -72,7 +78,11 @@ class Feedback:
         delta[:4, :4] = (f - np.eye(4)) / period_s
         delta[4, 0] = -1.0
         wanted = check_poles(self.poles_1_s(joint), 5, period_s)
-        return _feedback(assign_eigenvalues(delta, column, sampled_rates(wanted, period_s), augmented_units(joint)))
+        return _feedback(
+            assign_eigenvalues(
+                delta, column, sampled_rates(wanted, period_s), augmented_units(joint)
+            )
+        )
 
 
 def augmented(joint: TwoMass) -> tuple[FloatArray, FloatArray]:
@@ -99,7 +109,12 @@ def sampled_joint(joint: TwoMass, period_s: float) -> tuple[FloatArray, FloatArr
 
     check_period(period_s)
     fastest_rad_s = float(np.max(np.abs(joint.poles_1_s.imag)))
-    check_below_nyquist("the joint's resonance", fastest_rad_s, period_s, "sample faster, or treat the joint as rigid")
+    check_below_nyquist(
+        "the joint's resonance",
+        fastest_rad_s,
+        period_s,
+        "sample faster, or treat the joint as rigid",
+    )
     units, whole = sample_units(period_s), np.zeros((5, 5))
     whole[:4, :4] = units.matrix(joint.state_matrix)
     whole[:4, 4] = joint.input_matrix[:, 0] / units.states / units.rate_1_s
@@ -120,7 +135,9 @@ def sample_units(period_s: float) -> Units:
     return Units(np.array([1.0, 1.0 / period_s, 1.0, 1.0 / period_s]), 1.0 / period_s)
 
 
-def assign(joint: TwoMass, poles_1_s: Sequence[complex] | ComplexArray, period_s: float | None = None) -> Feedback:
+def assign(
+    joint: TwoMass, poles_1_s: Sequence[complex] | ComplexArray, period_s: float | None = None
+) -> Feedback:
     """Gains that give the joint with its integrator these five poles.
 
     Raises NotReachable, and PolesOutOfReach for poles that are not conjugate, not five, not in the left half plane, or, with a
@@ -132,7 +149,9 @@ def assign(joint: TwoMass, poles_1_s: Sequence[complex] | ComplexArray, period_s
     return _feedback(assign_eigenvalues(f, g, wanted, units))
 
 
-def lq(joint: TwoMass, weights: Sequence[float] | FloatArray, torque_weight: float = 1.0) -> Feedback:
+def lq(
+    joint: TwoMass, weights: Sequence[float] | FloatArray, torque_weight: float = 1.0
+) -> Feedback:
     """Gains that minimise the integral of sum_i weights_i z_i^2 + torque_weight u^2 (source 001, optimal LQ control).
 
     Raises NotReachable; ServoError unless weights (5,) are >= 0 and finite with that of the integral > 0, else the integral
@@ -149,15 +168,23 @@ def lq(joint: TwoMass, weights: Sequence[float] | FloatArray, torque_weight: flo
     units = augmented_units(joint)
     check_reachable(f, g, units)
     given = f"weights = {q.tolist()}, torque_weight = {torque_weight}"
-    return _feedback(-least_cost(f, g, np.diag(q), torque_weight, units, given, "bring the weights closer together"))
+    return _feedback(
+        -least_cost(
+            f, g, np.diag(q), torque_weight, units, given, "bring the weights closer together"
+        )
+    )
 
 
-def check_poles(poles_1_s: Sequence[complex] | ComplexArray, count: int, period_s: float | None = None) -> ComplexArray:
+def check_poles(
+    poles_1_s: Sequence[complex] | ComplexArray, count: int, period_s: float | None = None
+) -> ComplexArray:
     """The poles as an array. Raises PolesOutOfReach for those that no real gains assign, that are unstable, or that are too
     fast for a sample time."""
     wanted = np.asarray(poles_1_s, dtype=np.complex128)
     if wanted.shape != (count,):
-        raise PolesOutOfReach(f"poles of shape {wanted.shape}; must be ({count},), one a state: add or leave out some")
+        raise PolesOutOfReach(
+            f"poles of shape {wanted.shape}; must be ({count},), one a state: add or leave out some"
+        )
     least_1_s = -SETTLING * float(np.max(np.abs(wanted)))
     for pole in wanted.tolist():
         if not (math.isfinite(abs(pole)) and pole.real < least_1_s):
@@ -181,7 +208,9 @@ def sampled_rates(poles_1_s: ComplexArray, period_s: float) -> ComplexArray:
     return np.asarray(np.expm1(poles_1_s * period_s) / period_s, dtype=np.complex128)
 
 
-def assign_eigenvalues(a: FloatArray, b: FloatArray, eigenvalues: ComplexArray, units: Units) -> FloatArray:
+def assign_eigenvalues(
+    a: FloatArray, b: FloatArray, eigenvalues: ComplexArray, units: Units
+) -> FloatArray:
     """k (n,) such that a + b k has these eigenvalues (Ackermann 1972), worked out in the units given."""
     scaled, column = units.matrix(a), b / units.states / units.rate_1_s
     krylov = [column]
@@ -190,7 +219,9 @@ def assign_eigenvalues(a: FloatArray, b: FloatArray, eigenvalues: ComplexArray, 
     wanted = np.zeros_like(scaled)
     for coefficient in np.real(np.poly(eigenvalues / units.rate_1_s)):
         wanted = wanted @ scaled + coefficient * np.eye(len(a))
-    last = np.linalg.solve(np.array(krylov), np.eye(len(a))[-1])  # of the inverse of the reachability matrix
+    last = np.linalg.solve(
+        np.array(krylov), np.eye(len(a))[-1]
+    )  # of the inverse of the reachability matrix
     return np.asarray(-(last @ wanted) / units.states)
 
 

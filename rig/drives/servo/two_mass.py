@@ -41,7 +41,11 @@ class TwoMass:
 
     @classmethod
     def normalised(
-        cls, antiresonance_rad_s: float, inertia_ratio: float, antiresonance_damping: float, inertia_kg_m2: float = 1.0
+        cls,
+        antiresonance_rad_s: float,
+        inertia_ratio: float,
+        antiresonance_damping: float,
+        inertia_kg_m2: float = 1.0,
     ) -> TwoMass:
         """By omega_z, rho = Jlr / Jm, zeta_z and Jm + Jlr, without gear and friction (source 001, its simulations).
 
@@ -49,7 +53,13 @@ class TwoMass:
         """
         check_datum("antiresonance_rad_s", antiresonance_rad_s)
         check_datum("inertia_ratio", inertia_ratio)
-        check_range("antiresonance_damping", antiresonance_damping, 0.0, 1.0, "more than critical damping is no elastic joint")
+        check_range(
+            "antiresonance_damping",
+            antiresonance_damping,
+            0.0,
+            1.0,
+            "more than critical damping is no elastic joint",
+        )
         load = inertia_kg_m2 * inertia_ratio / (1.0 + inertia_ratio)
         return cls(
             motor_inertia_kg_m2=inertia_kg_m2 / (1.0 + inertia_ratio),
@@ -87,7 +97,11 @@ class TwoMass:
     def state_matrix(self) -> FloatArray:
         """A (4, 4) of x = [qm, qm', n ql, n ql']."""
         jm, jl, k = self.motor_inertia_kg_m2, self.reflected_inertia_kg_m2, self.stiffness_n_m_rad
-        d, dm, dl = self.elastic_damping_n_m_s_rad, self.motor_friction_n_m_s_rad, self.reflected_friction_n_m_s_rad
+        d, dm, dl = (
+            self.elastic_damping_n_m_s_rad,
+            self.motor_friction_n_m_s_rad,
+            self.reflected_friction_n_m_s_rad,
+        )
         return np.array(
             [
                 [0.0, 1.0, 0.0, 0.0],
@@ -137,7 +151,11 @@ class TwoMass:
         """Of the angles, 4th degree: (Jm s^2 + Dm s)(Jlr s^2 + (Del + Dlr) s + Kel) + (Jlr s^2 + Dlr s)(Del s + Kel)."""
         motor = np.array([self.motor_inertia_kg_m2, self.motor_friction_n_m_s_rad, 0.0])
         load = np.array([self.reflected_inertia_kg_m2, self.reflected_friction_n_m_s_rad, 0.0])
-        return np.asarray(np.polyadd(np.polymul(motor, self.motor_numerator), np.polymul(load, self.load_numerator)))
+        return np.asarray(
+            np.polyadd(
+                np.polymul(motor, self.motor_numerator), np.polymul(load, self.load_numerator)
+            )
+        )
 
     @property
     def poles_1_s(self) -> ComplexArray:

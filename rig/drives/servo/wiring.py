@@ -11,7 +11,10 @@ from rig.drives.servo.loops import Facts, continuous, facts
 from rig.drives.servo.two_mass import TwoMass
 
 SETPOINT = ["setpoint_angle", "setpoint_speed", "setpoint_acceleration"]
-TORQUES = ["motor_torque", "load_torque"]  # disturbances of every loop, at the motor's side of the gear
+TORQUES = [
+    "motor_torque",
+    "load_torque",
+]  # disturbances of every loop, at the motor's side of the gear
 STATES = ["motor_angle", "motor_speed", "load_angle", "load_speed"]
 HIDDEN = 1e-7  # a mode that the setpoint reaches less than this (1 = fully) is cancelled
 
@@ -64,7 +67,9 @@ def position_loop(joint: TwoMass, controller: list[Any], period_s: float = 0.0) 
     blocks = [*controller, driven(joint, period_s)]
     closed = wire([*blocks, disturbed()], [*SETPOINT, *TORQUES], STATES)
     forward = wire(blocks, [*SETPOINT, "torque"], ["drive_torque"])
-    return Loop(-control.ss(forward["drive_torque", "torque"]), closed, "setpoint_angle", "motor_angle")
+    return Loop(
+        -control.ss(forward["drive_torque", "torque"]), closed, "setpoint_angle", "motor_angle"
+    )
 
 
 def driven(joint: TwoMass, period_s: float = 0.0) -> Any:

@@ -39,7 +39,9 @@ def find(experiment: config.Experiment) -> tuple[str, Calibration | None]:
     known = config.shipped_calibrations()
     if name == "shipped":
         if not known:
-            raise ConfigError("[vision] calibration = 'shipped': none is shipped; make one with `rig calibrate offsets`")
+            raise ConfigError(
+                "[vision] calibration = 'shipped': none is shipped; make one with `rig calibrate offsets`"
+            )
         name, tables = known[-1], config.read_shipped_calibration(known[-1])
     elif Path(name).is_file():
         tables = toml_file.read_toml(Path(name), "calibration", "make it again")
@@ -49,9 +51,14 @@ def find(experiment: config.Experiment) -> tuple[str, Calibration | None]:
             f"or name 'shipped' ({', '.join(known) or 'none here'}) or 'none'"
         )
     calibration = toml_file.convert(tables, Calibration, "calibration")
-    size, expected = (calibration.width, calibration.height), (experiment.camera.width, experiment.camera.height)
+    size, expected = (
+        (calibration.width, calibration.height),
+        (experiment.camera.width, experiment.camera.height),
+    )
     if size != expected:
-        raise ConfigError(f"calibration '{name}' is for pictures of {size}; [camera] says {expected}: calibrate again")
+        raise ConfigError(
+            f"calibration '{name}' is for pictures of {size}; [camera] says {expected}: calibrate again"
+        )
     try:
         OffsetTable(calibration.x_m, calibration.offset_rad)
     except VisionError as error:
@@ -61,8 +68,12 @@ def find(experiment: config.Experiment) -> tuple[str, Calibration | None]:
 
 def text(calibration: Calibration) -> str:
     """The file as TOML."""
-    lines = ["# Made by `rig calibrate offsets`: pivot and scale in the picture, angle offset over platform position."]
-    lines += [f"{name} = {_toml(value)}" for name, value in msgspec.structs.asdict(calibration).items()]
+    lines = [
+        "# Made by `rig calibrate offsets`: pivot and scale in the picture, angle offset over platform position."
+    ]
+    lines += [
+        f"{name} = {_toml(value)}" for name, value in msgspec.structs.asdict(calibration).items()
+    ]
     return "\n".join(lines) + "\n"
 
 

@@ -38,7 +38,9 @@ def experiment_for(base: Experiment) -> Experiment:
     replace = msgspec.structs.replace
     return replace(
         base,
-        experiment=replace(base.experiment, name="calibrate", kind="free_decay", quiet_s=0.5, watch_s=0.5),
+        experiment=replace(
+            base.experiment, name="calibrate", kind="free_decay", quiet_s=0.5, watch_s=0.5
+        ),
         vision=replace(base.vision, calibration="none", average_frames=1),
         safety=replace(base.safety, initial_swing_rad=0.1),
     )
@@ -59,7 +61,9 @@ def tour(experiment: Experiment, points_m: tuple[float, ...] = POINTS_M) -> Tour
     return Tour(Motion.along("x", path), stands[:-1])
 
 
-def fit(run: RunLog, experiment: Experiment, stands_s: list[tuple[float, float]]) -> tuple[OffsetCalibration, Calibration]:
+def fit(
+    run: RunLog, experiment: Experiment, stands_s: list[tuple[float, float]]
+) -> tuple[OffsetCalibration, Calibration]:
     """The calibration in a run's log. Raises AnalysisError when a point was not seen well enough."""
     vision = experiment.vision
     samples = [a for a in run.angles if a.valid]
@@ -93,7 +97,9 @@ def default_path(folder: Path, calibration: Calibration) -> Path:
 
 def _watch(samples: list[AngleSample], t0_s: float, t1_s: float) -> Watch:
     rows = [
-        (a.t_valid_ns * 1e-9, a.raw_rad, a.platform_m, a.pivot_miss_px) for a in samples if t0_s <= a.t_valid_ns * 1e-9 <= t1_s
+        (a.t_valid_ns * 1e-9, a.raw_rad, a.platform_m, a.pivot_miss_px)
+        for a in samples
+        if t0_s <= a.t_valid_ns * 1e-9 <= t1_s
     ]
     t, raw, platform, miss = np.array(rows, dtype=np.float64).reshape(-1, 4).T
     return Watch(t_s=t, raw_rad=raw, platform_m=platform, pivot_miss_px=miss)

@@ -21,7 +21,9 @@ def params(experiment: Experiment) -> BenchParams:
     """The world of an experiment; raises ConfigError naming section, key, value and bound."""
     bench, view = experiment.bench, experiment.camera
     if bench.kind != "simulated":
-        raise Refused("[bench] kind = 'external': no other bench can be talked to yet; must be 'simulated'")
+        raise Refused(
+            "[bench] kind = 'external': no other bench can be talked to yet; must be 'simulated'"
+        )
     try:
         return BenchParams(
             pendulum=convert(bench.pendulum, Pendulum, "bench.pendulum"),

@@ -85,7 +85,11 @@ class Children:
 
     def cpu_s(self) -> dict[str, float]:
         """Processor seconds of each running task."""
-        return {name: cpu_of_s(child.pid) for name, child in self._running.items() if child.poll() is None}
+        return {
+            name: cpu_of_s(child.pid)
+            for name, child in self._running.items()
+            if child.poll() is None
+        }
 
     def scheduling(self) -> dict[str, str]:
         """What each task got of the real-time place it asked for."""

@@ -83,7 +83,9 @@ def _exit_code(error: Exception) -> int:
     return error.exit_code if isinstance(error, RigError) else REFUSED
 
 
-def _virtual(job: Job, operator: Operator, recorder: Recorder, progress: Progress, interrupts: Interrupts) -> VirtualRunner:
+def _virtual(
+    job: Job, operator: Operator, recorder: Recorder, progress: Progress, interrupts: Interrupts
+) -> VirtualRunner:
     e = job.experiment
     return VirtualRunner(
         tasks=[make_task(name, settings) for name, settings in job.settings.items()],
@@ -119,8 +121,12 @@ def _wall(
 ) -> tuple[dict[str, LinkCount], dict[str, str]]:
     """The settled ledger, and what the stop metadata should know."""
     e = job.experiment
-    runner = ProcessRunner(job.settings, operator, clock, recorder, interrupts, lambda t: progress(t, operator), folder)
-    rows = runner.run(e.network.bind, e.network.base_port, e.experiment.seed, dict(e.links), e.record.pictures_hz)
+    runner = ProcessRunner(
+        job.settings, operator, clock, recorder, interrupts, lambda t: progress(t, operator), folder
+    )
+    rows = runner.run(
+        e.network.bind, e.network.base_port, e.experiment.seed, dict(e.links), e.record.pictures_hz
+    )
     notes = {
         "cpu_share": " ".join(f"{name}={share:.4f}" for name, share in runner.cpu_share.items()),
         "scheduling": " ".join(f"{name}={policy}" for name, policy in runner.scheduling.items()),
@@ -156,8 +162,19 @@ def _git() -> tuple[str, str]:
     """Commit and dirty flag of the checkout this code runs from, `unknown` outside one."""
     where = Path(__file__).resolve().parents[3]
     try:
-        ask = ["git", "-C", str(where), "describe", "--always", "--dirty", "--abbrev=40", "--exclude=*"]
-        said = subprocess.run(ask, capture_output=True, text=True, timeout=5, check=True).stdout.strip()
+        ask = [
+            "git",
+            "-C",
+            str(where),
+            "describe",
+            "--always",
+            "--dirty",
+            "--abbrev=40",
+            "--exclude=*",
+        ]
+        said = subprocess.run(
+            ask, capture_output=True, text=True, timeout=5, check=True
+        ).stdout.strip()
     except (OSError, subprocess.SubprocessError):
         return "unknown", "unknown"
     return said.removesuffix("-dirty"), str(said.endswith("-dirty")).lower()

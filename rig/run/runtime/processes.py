@@ -33,7 +33,9 @@ BUS_PORTS = 3  # base_port .. base_port + 2 are the operator's, the channels fol
 HEARTBEAT_NS = 200 * MS
 LOOK_MS = 40  # longest wait for words, interrupts and the clock
 GLANCE_NS = 100 * MS  # between glances at children, disk and screen
-LEAVE_NS = 3_000 * MS  # for tasks to drain and report after the close order, beyond the links' own delay
+LEAVE_NS = (
+    3_000 * MS
+)  # for tasks to drain and report after the close order, beyond the links' own delay
 
 
 class ProcessRunner:
@@ -64,12 +66,21 @@ class ProcessRunner:
         self._wake_ns: int | None = 0
         self._beat_ns = self._glance_ns = self._began_ns = 0
         self._used_s: dict[str, float] = {}  # processor seconds when the run began
-        self.scheduling: dict[str, str] = {}  # what each task got of the real-time place it asked for
-        self.cpu_share: dict[str, float] = {}  # of one core, from the first heartbeat to the close order
+        self.scheduling: dict[
+            str, str
+        ] = {}  # what each task got of the real-time place it asked for
+        self.cpu_share: dict[
+            str, float
+        ] = {}  # of one core, from the first heartbeat to the close order
         self.uncounted: list[str] = []  # "link: task" whose count never came
 
     def run(
-        self, host: str, base_port: int, seed: int, faults: dict[str, LinkFaults], pictures_hz: float
+        self,
+        host: str,
+        base_port: int,
+        seed: int,
+        faults: dict[str, LinkFaults],
+        pictures_hz: float,
     ) -> dict[str, LinkCount]:
         """Until every task has left; returns the settled ledger. Raises PortInUse before anything starts."""
         context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
@@ -80,7 +91,9 @@ class ProcessRunner:
             self._children.start(self._settings, wiring)
             self._admit()
             self._watch()
-            self._let_leave(round(max((f.delay_ms + f.jitter_ms for f in faults.values()), default=0) * MS))
+            self._let_leave(
+                round(max((f.delay_ms + f.jitter_ms for f in faults.values()), default=0) * MS)
+            )
         except BaseException:
             self._abort()
             raise
@@ -91,7 +104,14 @@ class ProcessRunner:
             context.term()
         return self._settle()
 
-    def _wiring(self, host: str, base_port: int, seed: int, faults: dict[str, LinkFaults], pictures_hz: float) -> Wiring:
+    def _wiring(
+        self,
+        host: str,
+        base_port: int,
+        seed: int,
+        faults: dict[str, LinkFaults],
+        pictures_hz: float,
+    ) -> Wiring:
         return Wiring(
             session=self._session,
             seed=seed,
@@ -123,7 +143,9 @@ class ProcessRunner:
             self._miss_the_dead(now)
             if now > until:
                 return
-        for name in self._children.end(self._children.names - self._present):  # the run was over before they came
+        for name in self._children.end(
+            self._children.names - self._present
+        ):  # the run was over before they came
             self._gone.add(name)
             self._carry_out(self._operator.never_came(name, self._clock.now_ns()))
 
@@ -136,7 +158,10 @@ class ProcessRunner:
     def _measure(self) -> None:
         """What the tasks took of the processors; asked before the close order, for they leave quickly."""
         span_s = max(1e-3, (self._clock.now_ns() - self._began_ns) * 1e-9)
-        self.cpu_share = {name: (used - self._used_s.get(name, used)) / span_s for name, used in self._cpu_s().items()}
+        self.cpu_share = {
+            name: (used - self._used_s.get(name, used)) / span_s
+            for name, used in self._cpu_s().items()
+        }
         self.scheduling = self._children.scheduling()
 
     def _cpu_s(self) -> dict[str, float]:
@@ -144,7 +169,9 @@ class ProcessRunner:
 
     def _look(self) -> None:
         now = self._clock.now_ns()
-        due_ms = LOOK_MS if self._wake_ns is None else max(0, min(LOOK_MS, (self._wake_ns - now) // MS))
+        due_ms = (
+            LOOK_MS if self._wake_ns is None else max(0, min(LOOK_MS, (self._wake_ns - now) // MS))
+        )
         self._bus.wait(due_ms)
         self._hear()
         now = self._clock.now_ns()
@@ -221,9 +248,17 @@ class ProcessRunner:
 
     def _heed_interrupts(self, now: int) -> None:
         if self._interrupts.count >= 2:
-            self._carry_out(self._operator.stop_now("stopped at once by the operator (second Ctrl-C)", STOPPED, now))
+            self._carry_out(
+                self._operator.stop_now(
+                    "stopped at once by the operator (second Ctrl-C)", STOPPED, now
+                )
+            )
         elif self._interrupts.count > self._heard:
-            self._carry_out(self._operator.end(f"stopped by the operator ({self._interrupts.what})", STOPPED, now))
+            self._carry_out(
+                self._operator.end(
+                    f"stopped by the operator ({self._interrupts.what})", STOPPED, now
+                )
+            )
         self._heard = self._interrupts.count
 
     def _miss_the_dead(self, now: int) -> None:
@@ -238,14 +273,18 @@ class ProcessRunner:
     def _let_leave(self, delay_ns: int) -> None:
         """Hear everybody out; a task that does not leave in time is ended, and that is told."""
         until = self._clock.now_ns() + LEAVE_NS + delay_ns
-        awaited = {(name, wire) for name in self._present - self._gone for wire in ("words", "taps")}
+        awaited = {
+            (name, wire) for name in self._present - self._gone for wire in ("words", "taps")
+        }
         while self._clock.now_ns() < until and (awaited - self._left or self._children.any_alive()):
             self._bus.wait(LOOK_MS)
             self._hear()
         now = self._clock.now_ns()
         for name in self._children.end():
             text = f"task '{name}' did not leave in time and was ended"
-            self._recorder.record(Event(t_ns=now, level="warning", source="operator", text=text), now)
+            self._recorder.record(
+                Event(t_ns=now, level="warning", source="operator", text=text), now
+            )
 
     def _abort(self) -> None:
         """Something broke on this side: stop the robot and close, without the log, which may be what broke."""
@@ -265,7 +304,9 @@ class ProcessRunner:
             ends = [(name, CHANNELS[name].sender), (name, CHANNELS[name].receiver)]
             if all(end in self._rows for end in ends):
                 rows[name] = settle(self._rows[ends[0]], self._rows[ends[1]])
-            self.uncounted += [f"{link}: {task}" for link, task in ends if (link, task) not in self._rows]
+            self.uncounted += [
+                f"{link}: {task}" for link, task in ends if (link, task) not in self._rows
+            ]
         told = self._rows.get(("truth", "bench"))
         if told is not None:
             rows["truth"] = settle(told, LinkCount(delivered=self._recorder.counts.get("truth", 0)))
@@ -276,4 +317,10 @@ def channel_ports(host: str, base_port: int) -> dict[str, int]:
     """A port for each data channel: counted from base_port, or free ones (all different)."""
     if base_port:
         return {name: base_port + BUS_PORTS + i for i, name in enumerate(DATA)}
-    return dict(zip(DATA, free_ports(host, [CHANNELS[name].transport is Transport.UDP for name in DATA]), strict=True))
+    return dict(
+        zip(
+            DATA,
+            free_ports(host, [CHANNELS[name].transport is Transport.UDP for name in DATA]),
+            strict=True,
+        )
+    )

@@ -62,7 +62,9 @@ class VirtualRunner:
         self._interrupts = interrupts
         self._progress_ns = 0
         self._links = {name: _Link(name, faults.get(name), seed) for name in DATA}
-        self._queue: list[tuple[int, int, int, str, Message | None]] = []  # t, rank, order in rank, name, message
+        self._queue: list[
+            tuple[int, int, int, str, Message | None]
+        ] = []  # t, rank, order in rank, name, message
         self._wake: dict[str, int] = {}
         self._closed: set[str] = set()
         self._calls = 0  # commands and replies, in the order they were given
@@ -88,14 +90,21 @@ class VirtualRunner:
             elif name in self._links:
                 self._deliver(name, message)
             else:
-                self._carry_out(name, self._tasks[name].on_message(_word_for(message), message, t_ns))
+                self._carry_out(
+                    name, self._tasks[name].on_message(_word_for(message), message, t_ns)
+                )
         return self._settle()
 
     def _look(self, t_ns: int) -> None:
         self._progress_ns = t_ns + PROGRESS_NS
         self._progress(t_ns)
         if self._interrupts.count:
-            self._carry_out("operator", self._operator.end(f"stopped by the operator ({self._interrupts.what})", STOPPED, t_ns))
+            self._carry_out(
+                "operator",
+                self._operator.end(
+                    f"stopped by the operator ({self._interrupts.what})", STOPPED, t_ns
+                ),
+            )
 
     @property
     def digest(self) -> str:
@@ -147,7 +156,9 @@ class VirtualRunner:
         if len(link.receipts) >= RECEIPTS:
             self._flush(channel, link)
         if taken is not None and link.receiver not in self._closed:
-            self._carry_out(link.receiver, self._tasks[link.receiver].on_message(channel, message, self.t_ns))
+            self._carry_out(
+                link.receiver, self._tasks[link.receiver].on_message(channel, message, self.t_ns)
+            )
 
     def _log(self, channel: str, channel_id: int, message: Message) -> None:
         crc32 = 0
@@ -168,12 +179,16 @@ class VirtualRunner:
             if link.receipts:
                 self._flush(name, link)
         for task in self._tasks.values():
-            timing = Timing(task=task.name, t_ns=self.t_ns, late_ticks=task.late_ticks, lateness_ns=[])
+            timing = Timing(
+                task=task.name, t_ns=self.t_ns, late_ticks=task.late_ticks, lateness_ns=[]
+            )
             self._recorder.record(timing, self.t_ns)
         for event in self._operator.events:
             self._recorder.record(event, event.t_ns)
         rows = {name: settle(link.sender, link.reader) for name, link in self._links.items()}
-        return rows | {"truth": LinkCount(sent=self._truths, delivered=self._recorder.counts.get("truth", 0))}
+        return rows | {
+            "truth": LinkCount(sent=self._truths, delivered=self._recorder.counts.get("truth", 0))
+        }
 
 
 def _word_for(message: Message) -> str:

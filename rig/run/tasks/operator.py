@@ -104,7 +104,9 @@ class Operator:
         While it stops already, only a first fault counts: it becomes the exit code, and the emergency stop goes out.
         """
         worse = exit_code == FAULT != self.exit_code
-        if self.stage is Stage.CLOSED or (self.stage in (Stage.STOPPING, Stage.RESTING) and not worse):
+        if self.stage is Stage.CLOSED or (
+            self.stage in (Stage.STOPPING, Stage.RESTING) and not worse
+        ):
             return NOTHING
         self.exit_code = exit_code
         self.reasons.append(reason)
@@ -171,7 +173,8 @@ class Operator:
 
     def _give_up(self, t_ns: int) -> Step:
         silent = ", ".join(
-            f"{name} ({self._last_word[name]})" if name in self._last_word else name for name in sorted(self._waiting)
+            f"{name} ({self._last_word[name]})" if name in self._last_word else name
+            for name in sorted(self._waiting)
         )
         text = f"{self.stage.value}: no answer in time from {silent}"
         if self.stage is Stage.STOPPING:
@@ -187,12 +190,16 @@ class Operator:
         return step
 
     def _order(self, verb: Verb, to: Sequence[str], t_ns: int, t_start_ns: int = 0) -> list[Send]:
-        if verb is not Verb.STATUS or self._call == 0:  # asked again it keeps its id: a slow answer is an answer
+        if (
+            verb is not Verb.STATUS or self._call == 0
+        ):  # asked again it keeps its id: a slow answer is an answer
             self._call = self._seq + 1  # all tasks of one order share an id
         sends = []
         for name in to:
             self._seq += 1
-            order = Command(seq=self._seq, t_ns=t_ns, id=self._call, to=name, verb=verb, t_start_ns=t_start_ns)
+            order = Command(
+                seq=self._seq, t_ns=t_ns, id=self._call, to=name, verb=verb, t_start_ns=t_start_ns
+            )
             sends.append(Send("command", order, t_ns))
         return sends
 

@@ -40,7 +40,10 @@ class Gate:
         e = self._envelope
         if not e.position_min_m <= position_m[0] <= e.position_max_m:  # NaN is outside as well
             return f"x = {position_m[0]:.4f} m; must be {e.position_min_m} to {e.position_max_m} m"
-        for axis, value, bound in (("y", position_m[1], e.depth_m), ("z", position_m[2], e.height_m)):
+        for axis, value, bound in (
+            ("y", position_m[1], e.depth_m),
+            ("z", position_m[2], e.height_m),
+        ):
             if not abs(value) <= bound:
                 return f"{axis} = {value:.4f} m; must be within +-{bound} m"
         if self._position is None:
@@ -48,8 +51,12 @@ class Gate:
             return None
         dt = (t_ns - self._t_ns) * 1e-9
         if dt <= 0:
-            return f"reference {abs(dt) * 1e3:.1f} ms back in time; must be later than the one before"
-        velocity = tuple((new - old) / dt for new, old in zip(position_m, self._position, strict=True))
+            return (
+                f"reference {abs(dt) * 1e3:.1f} ms back in time; must be later than the one before"
+            )
+        velocity = tuple(
+            (new - old) / dt for new, old in zip(position_m, self._position, strict=True)
+        )
         refusal = self._too_fast(velocity, dt)
         if refusal is None:
             self._t_ns, self._position = t_ns, position_m
@@ -64,5 +71,7 @@ class Gate:
             return f"speed {speed:.3f} m/s; must be <= {e.speed_m_s:.3f} m/s"
         acceleration = math.dist(velocity, self._velocity) / dt
         if not acceleration <= e.acceleration_m_s2 + 4 * ROUNDING / dt**2:
-            return f"acceleration {acceleration:.2f} m/s2; must be <= {e.acceleration_m_s2:.2f} m/s2"
+            return (
+                f"acceleration {acceleration:.2f} m/s2; must be <= {e.acceleration_m_s2:.2f} m/s2"
+            )
         return None

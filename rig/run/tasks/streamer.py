@@ -10,7 +10,16 @@ import math
 import msgspec
 
 from comms.channels import MS
-from comms.messages import AngleSample, Command, Message, Phase, Position, Reference, RobotState, Verb
+from comms.messages import (
+    AngleSample,
+    Command,
+    Message,
+    Phase,
+    Position,
+    Reference,
+    RobotState,
+    Verb,
+)
 from comms.replies import Replies
 from comms.task import NOTHING, Send, Step
 from rig.analysis.identify.errors import AnalysisError
@@ -20,7 +29,9 @@ from rig.run.tasks.controller.phase import ORDERS, Happening, next_phase, refusa
 from rig.run.tasks.safety import Envelope, Gate
 
 PERIOD_NS = 10 * MS
-IN_PLACE_M = 0.002  # farther from the start of the move than this, the robot would be pulled there in 30 ms
+IN_PLACE_M = (
+    0.002  # farther from the start of the move than this, the robot would be pulled there in 30 ms
+)
 
 
 class StreamerSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -80,7 +91,9 @@ class Streamer:
         self.late_ticks += tick - self._tick - 1
         news = self._checks(tick, t_ns) if self._phase is Phase.RUNNING else ()
         self._tick = tick
-        return Step((*self._reference(tick, t_ns), *news), self._t_start_ns + (tick + 1) * PERIOD_NS)
+        return Step(
+            (*self._reference(tick, t_ns), *news), self._t_start_ns + (tick + 1) * PERIOD_NS
+        )
 
     def stop(self, t_ns: int) -> Step:
         """No more references."""
@@ -94,11 +107,16 @@ class Streamer:
         if self._phase is Phase.RUNNING:
             outside = self._gate.refusal(t_target_ns, position)
             if outside is not None:
-                return (self._stop(f"safety gate: {outside}", FAULT, t_ns), *self._reference(tick, t_ns))
+                return (
+                    self._stop(f"safety gate: {outside}", FAULT, t_ns),
+                    *self._reference(tick, t_ns),
+                )
             self._held = position
         if self._held is None:
             return ()
-        reference = Reference(seq=self._seq, t_ns=t_ns, t_target_ns=t_target_ns, position_m=self._held)
+        reference = Reference(
+            seq=self._seq, t_ns=t_ns, t_target_ns=t_target_ns, position_m=self._held
+        )
         self._seq += 1
         return (Send("reference", reference, t_ns),)
 
@@ -121,7 +139,11 @@ class Streamer:
             said = f"cannot tell whether the load swings before the start: {error}"
             if s.move_ticks[0] == 0:  # no quiet time was asked for
                 return (self._tell(said, t_ns),)
-            return (self._stop(f"{said} (experiment.quiet_s), or set it to 0 to start unseen", REFUSED, t_ns),)
+            return (
+                self._stop(
+                    f"{said} (experiment.quiet_s), or set it to 0 to start unseen", REFUSED, t_ns
+                ),
+            )
         said = f"the load swings {swing * 1e3:.2f} mrad before the start"
         if swing <= s.initial_swing_rad:
             return (self._tell(said, t_ns),)
@@ -179,7 +201,9 @@ class Streamer:
                 f"{math.dist(here, first) * 1e3:.1f} mm away; must be <= {IN_PLACE_M * 1e3:.0f} mm: "
                 "bring the robot there, or set move.start_m to where it stands"
             )
-        outside = self._gate.refusal(t_start_ns - PERIOD_NS, first)  # the first reference is judged from standstill there
+        outside = self._gate.refusal(
+            t_start_ns - PERIOD_NS, first
+        )  # the first reference is judged from standstill there
         return outside and f"start refused: safety gate: {outside}"
 
     def _stop(self, text: str, code: int, t_ns: int) -> Send:

@@ -49,7 +49,10 @@ def designs(spec: ServoSpec, drives: Mapping[str, Drive]) -> dict[str, Facts]:
     """Every controller's sampled loop around the joint that is believed in: opened at the motor's torque, closed from the
     setpoint's angle to the motor's.
     """
-    return {name: position_loop(spec.joint, [drive.loop], spec.drive.period_s).facts for name, drive in drives.items()}
+    return {
+        name: position_loop(spec.joint, [drive.loop], spec.drive.period_s).facts
+        for name, drive in drives.items()
+    }
 
 
 def compare(spec: ServoSpec, truths: Sequence[str], drives: Mapping[str, Drive]) -> Iterator[Row]:
@@ -64,10 +67,21 @@ def compare(spec: ServoSpec, truths: Sequence[str], drives: Mapping[str, Drive])
         bench.elastic_joint(tables[truth], spec.seed, f"truth.{truth}")
     _check_work(spec, truths, drives)
     order = product(truths, range(len(paths)), drives)
-    return (_run(spec, truth, tables[truth], move, paths[move], name, drives[name]) for truth, move, name in order)
+    return (
+        _run(spec, truth, tables[truth], move, paths[move], name, drives[name])
+        for truth, move, name in order
+    )
 
 
-def _run(spec: ServoSpec, truth: str, table: dict[str, Any], move: int, path: Trajectory, name: str, drive: Drive) -> Row:
+def _run(
+    spec: ServoSpec,
+    truth: str,
+    table: dict[str, Any],
+    move: int,
+    path: Trajectory,
+    name: str,
+    drive: Drive,
+) -> Row:
     drive.controller.reset()
     recording = run(
         bench.elastic_joint(table, spec.seed),
@@ -86,7 +100,9 @@ def _run(spec: ServoSpec, truth: str, table: dict[str, Any], move: int, path: Tr
 def _check_work(spec: ServoSpec, truths: Sequence[str], drives: Mapping[str, Drive]) -> None:
     """Raises ConfigError for more samples than anybody waits for."""
     around = spec.rest_s + spec.watch_s
-    seconds = len(truths) * sum(around + move.time_s + drive.late_s for move in spec.move for drive in drives.values())
+    seconds = len(truths) * sum(
+        around + move.time_s + drive.late_s for move in spec.move for drive in drives.values()
+    )
     samples, slower_s = seconds / spec.drive.period_s, seconds / MOST_SAMPLES
     if samples > MOST_SAMPLES:
         raise ConfigError(

@@ -72,7 +72,11 @@ def pid(spec: ServoSpec) -> Drive:
 def pid_ff(spec: ServoSpec) -> Drive:
     """With the torque of the rigid inertia fed ahead as well, as the state-space controllers have it."""
     inertia = spec.pid.feed_forward * spec.joint.rigid_inertia_kg_m2
-    return Drive(CascadeController(replace(_cascade(spec), feed_forward_inertia_kg_m2=inertia), spec.drive.period_s))
+    return Drive(
+        CascadeController(
+            replace(_cascade(spec), feed_forward_inertia_kg_m2=inertia), spec.drive.period_s
+        )
+    )
 
 
 def pid_notch(spec: ServoSpec) -> Drive:
@@ -89,8 +93,13 @@ def pid_observer(spec: ServoSpec) -> Drive:
     low_pass = LowPass(time_constant_s=spec.helpers.observer_time_s)
     observer = ObserverDesign(low_pass=low_pass, nominal=Nominal.motor_alone(spec.joint))
     inner = CascadeController(_cascade(spec), spec.drive.period_s)
-    compensated = Compensated(inner, DisturbanceObserver(observer, spec.drive.period_s), spec.drive.torque_limit_n_m)
-    return Drive(compensated, note=f"T_f = {1e3 * spec.helpers.observer_time_s:g} ms, the motor alone as nominal")
+    compensated = Compensated(
+        inner, DisturbanceObserver(observer, spec.drive.period_s), spec.drive.torque_limit_n_m
+    )
+    return Drive(
+        compensated,
+        note=f"T_f = {1e3 * spec.helpers.observer_time_s:g} ms, the motor alone as nominal",
+    )
 
 
 def pid_shaped(spec: ServoSpec) -> Drive:
@@ -99,17 +108,19 @@ def pid_shaped(spec: ServoSpec) -> Drive:
     pair = _least_damped("pid_shaped", cascade.position_loop(spec.joint))
     shaper = design(spec.helpers.shaper, [pair], period_s)
     inner = CascadeController(cascade, period_s)
-    note = (
-        f"{spec.helpers.shaper} for {pair.frequency_rad_s:.1f} rad/s, damping {pair.damping:.3f}, the position loop's own pair"
+    note = f"{spec.helpers.shaper} for {pair.frequency_rad_s:.1f} rad/s, damping {pair.damping:.3f}, the position loop's own pair"
+    return Drive(
+        Shaped(ShapedSetpoint(shaper, period_s), inner), float(shaper.times_s[-1]), note=note
     )
-    return Drive(Shaped(ShapedSetpoint(shaper, period_s), inner), float(shaper.times_s[-1]), note=note)
 
 
 def assigned(spec: ServoSpec) -> Drive:
     """State feedback and Luenberger observer with the eigenvalues of the file, rigid feed-forward."""
     a, period_s = spec.assigned, spec.drive.period_s
     feedback = assign(spec.joint, [complex(*pole) for pole in a.poles_1_s], period_s)
-    estimator = assign_estimator(spec.joint, [complex(*pole) for pole in a.estimator_poles_1_s], period_s)
+    estimator = assign_estimator(
+        spec.joint, [complex(*pole) for pole in a.estimator_poles_1_s], period_s
+    )
     return Drive(_state_space(spec, feedback, estimator, "rigid"))
 
 
@@ -141,13 +152,17 @@ CONTROLLERS: dict[str, Callable[[ServoSpec], Drive]] = {
 def _cascade(spec: ServoSpec) -> Cascade:
     p = spec.pid
     limit = spec.drive.torque_limit_n_m
-    return Cascade.normalised(spec.joint, p.speed_crossover, p.position_crossover, p.reset_time, torque_limit_n_m=limit)
+    return Cascade.normalised(
+        spec.joint, p.speed_crossover, p.position_crossover, p.reset_time, torque_limit_n_m=limit
+    )
 
 
 def _least_damped(name: str, loop: Loop) -> Mode:
     pair = min(swinging(loop.facts.poles_1_s), key=lambda mode: mode.damping, default=None)
     if pair is None:
-        raise ServoError(f"{name} on a loop that does not swing; must have a pair of complex poles: leave {name} out")
+        raise ServoError(
+            f"{name} on a loop that does not swing; must have a pair of complex poles: leave {name} out"
+        )
     return pair
 
 
@@ -158,7 +173,9 @@ def _optimal(spec: ServoSpec) -> tuple[Feedback, SampledEstimator]:
         load_torque_n2_m2_s=g.torque_noise_n2_m2_s,
         encoder_counts_per_rev=g.encoder_counts_per_rev,
     )
-    return lq(spec.joint, g.state_weights, g.torque_weight), sampled_kalman(spec.joint, noise, spec.drive.period_s)
+    return lq(spec.joint, g.state_weights, g.torque_weight), sampled_kalman(
+        spec.joint, noise, spec.drive.period_s
+    )
 
 
 def _state_space(
@@ -185,5 +202,7 @@ def _settling_s(load_filter: LoadFilter) -> float:
 
     slowest = -max(root.real for root in np.roots(load_filter.denominator))
     t = np.linspace(0.0, 30.0 / slowest, 3001)
-    step = control.step_response(control.tf(load_filter.numerator, load_filter.denominator), t).outputs
+    step = control.step_response(
+        control.tf(load_filter.numerator, load_filter.denominator), t
+    ).outputs
     return float(t[np.flatnonzero(np.abs(step - 1.0) > SETTLED)[-1] + 1])

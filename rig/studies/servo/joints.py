@@ -10,7 +10,10 @@ from planners.errors import unknown_name
 from rig.drives.servo.two_mass import TwoMass
 from rig.studies.servo.spec import load
 
-JOINTS = ("listed", "fitted")  # the second is inferred: the printed modes do not follow from the listed constants
+JOINTS = (
+    "listed",
+    "fitted",
+)  # the second is inferred: the printed modes do not follow from the listed constants
 
 
 def named_joint(name: str, others: tuple[str, ...] = ()) -> TwoMass:

@@ -120,7 +120,9 @@ def run(
     before = math.ceil(rest_s / period_s - 1e-9)
     after = math.ceil((trajectory.duration_s + watch_s) / period_s - 1e-9) + 1
     t = period_s * np.arange(-before, after, dtype=np.float64)
-    wanted = np.stack([trajectory.at(np.clip(t, 0.0, trajectory.duration_s), order) for order in range(3)], axis=1)
+    wanted = np.stack(
+        [trajectory.at(np.clip(t, 0.0, trajectory.duration_s), order) for order in range(3)], axis=1
+    )
     wanted[(t < 0.0) | (t >= trajectory.duration_s), 1:] = 0.0
     rows = np.empty((t.size, 4))
     for k, setpoint in enumerate(wanted.tolist()):
@@ -141,7 +143,9 @@ def run(
     )
 
 
-def outcome(recording: Recording, late_s: float = 0.0, torque_limit_n_m: float = math.inf) -> Outcome:
+def outcome(
+    recording: Recording, late_s: float = 0.0, torque_limit_n_m: float = math.inf
+) -> Outcome:
     """Figures of a run whose reference moves, under a controller that is meant to be late_s later, with a torque limit."""
     r = recording
     after, moving = r.t_s >= r.end_s + late_s, (r.t_s >= 0.0) & (r.t_s < r.end_s + late_s)
@@ -150,15 +154,23 @@ def outcome(recording: Recording, late_s: float = 0.0, torque_limit_n_m: float =
     return Outcome(
         residual=float(np.abs(r.load_rad_s[after]).max()) / fastest,
         residual_measured=float(np.abs(r.measured_rad_s[after]).max()) / fastest,
-        settled_s=_settled_s(r.t_s[after] - r.end_s, np.abs(r.load_rad_s[after]) > SETTLED * fastest),
-        speed_error=float(np.sqrt(np.mean((r.load_rad_s - r.reference_rad_s)[r.t_s >= 0.0] ** 2))) / fastest,
+        settled_s=_settled_s(
+            r.t_s[after] - r.end_s, np.abs(r.load_rad_s[after]) > SETTLED * fastest
+        ),
+        speed_error=float(np.sqrt(np.mean((r.load_rad_s - r.reference_rad_s)[r.t_s >= 0.0] ** 2)))
+        / fastest,
         overshoot_deg=math.degrees(max(0.0, float(beyond.max()))),
         final_error_deg=math.degrees(float(beyond[-1])),
         arrived=bool(abs(beyond[-1]) <= ARRIVED * abs(goal)),
         peak_torque_n_m=float(np.abs(r.torque_n_m).max()),
         rms_torque_n_m=float(np.sqrt(np.mean(r.torque_n_m[moving] ** 2))),
-        rest_torque_n_m=float(np.sqrt(np.mean(r.torque_n_m[-max(1, int(QUIET * np.count_nonzero(after))) :] ** 2))),
-        at_limit_s=float(np.count_nonzero(np.abs(r.torque_n_m) >= AT_LIMIT * torque_limit_n_m) * (r.t_s[1] - r.t_s[0])),
+        rest_torque_n_m=float(
+            np.sqrt(np.mean(r.torque_n_m[-max(1, int(QUIET * np.count_nonzero(after))) :] ** 2))
+        ),
+        at_limit_s=float(
+            np.count_nonzero(np.abs(r.torque_n_m) >= AT_LIMIT * torque_limit_n_m)
+            * (r.t_s[1] - r.t_s[0])
+        ),
     )
 
 

@@ -59,7 +59,9 @@ class NotchTask:
     @property
     def speed_share(self) -> float:
         """Speed gain over omega_z (Jm + Jlr)."""
-        return self.gains.speed_gain_n_m_s_rad / (self.joint.antiresonance_rad_s * self.joint.rigid_inertia_kg_m2)
+        return self.gains.speed_gain_n_m_s_rad / (
+            self.joint.antiresonance_rad_s * self.joint.rigid_inertia_kg_m2
+        )
 
     @property
     def position_share(self) -> float:
@@ -68,8 +70,16 @@ class NotchTask:
 
     def notches(self, factor: float = 1.0) -> dict[str, Notch]:
         """inside: on the joint's poles; upstream: on the least damped pair of the speed loop; frequencies times factor."""
-        check_range("--detune", factor, *DETUNED, "1 is a notch that is right, 0.9 one that lies 10 % too low")
-        pairs = {"inside": self.joint.poles_1_s, "upstream": self.gains.speed_loop(self.joint).shown_poles_1_s}
+        check_range(
+            "--detune",
+            factor,
+            *DETUNED,
+            "1 is a notch that is right, 0.9 one that lies 10 % too low",
+        )
+        pairs = {
+            "inside": self.joint.poles_1_s,
+            "upstream": self.gains.speed_loop(self.joint).shown_poles_1_s,
+        }
         return {where: self._notch(_least_damped(poles), factor) for where, poles in pairs.items()}
 
     def unsettled(self, speed: Loop, where: str) -> ServoError:
@@ -85,7 +95,9 @@ class NotchTask:
                 f"--notch-damping {self.denominator_damping:.6g}; must be > {pair.damping:.4g}, the damping of the pair to be "
                 f"cancelled at {pair.frequency_rad_s:.4g} rad/s, or it is no notch: raise it, 1 is usual"
             )
-        return Notch.tuned_to(pair._replace(frequency_rad_s=factor * pair.frequency_rad_s), self.denominator_damping)
+        return Notch.tuned_to(
+            pair._replace(frequency_rad_s=factor * pair.frequency_rad_s), self.denominator_damping
+        )
 
 
 class Placement(NamedTuple):
@@ -156,7 +168,9 @@ class Sampled(NamedTuple):
 def placements(task: NotchTask, factor: float = 1.0) -> tuple[Placement, ...]:
     """none, inside and upstream, the notches' frequencies times factor. Raises ServoError for a loop that does not settle."""
     notches = task.notches(factor)
-    found = tuple(_placement(task, notches.get(name), name) for name in ("none", "inside", "upstream"))
+    found = tuple(
+        _placement(task, notches.get(name), name) for name in ("none", "inside", "upstream")
+    )
     _check_settling(task, found, factor)
     return found
 
@@ -184,7 +198,9 @@ def step_response(loop: Loop, source: str, time_s: float | None = None) -> Respo
     """
     slowest = float(np.min(-loop.closed.poles().real))
     if not slowest > 0.0:
-        raise ServoError(f"a loop with {_worst(loop)}; must be damped to settle: change the gains, or damp the joint")
+        raise ServoError(
+            f"a loop with {_worst(loop)}; must be damped to settle: change the gains, or damp the joint"
+        )
     t = np.linspace(0.0, WATCHED / slowest if time_s is None else time_s, POINTS)
     system = loop.closed[["load_angle", "load_speed"], source]
     angle, speed = np.hstack([system.C, system.D]) @ _states(system, float(t[1]))
@@ -210,13 +226,21 @@ def _placement(task: NotchTask, notch: Notch | None, name: str) -> Placement:
     where: Where = "upstream" if name == "upstream" else "inside"
     speed = task.gains.speed_loop(task.joint, notch if where == "inside" else None)
     position = task.gains.position_loop(task.joint, notch, where)
-    return Placement(name, notch, speed, position, _position_opened(task, speed, notch if where == "upstream" else None))
+    return Placement(
+        name,
+        notch,
+        speed,
+        position,
+        _position_opened(task, speed, notch if where == "upstream" else None),
+    )
 
 
 def _position_opened(task: NotchTask, speed: Loop, upstream: Notch | None) -> Any:
     import control
 
-    gain = control.ss(control.tf([task.gains.position_gain_1_s], [1.0, 0.0]))  # and the speed's integral
+    gain = control.ss(
+        control.tf([task.gains.position_gain_1_s], [1.0, 0.0])
+    )  # and the speed's integral
     closed = control.ss(speed.closed["motor_speed", "speed_setpoint"])
     return closed * gain * (control.ss(upstream.system) if upstream else 1.0)
 
@@ -279,7 +303,9 @@ def _row(placement: Placement, factor: float) -> NotchRow:
 
 def _sampled(name: str, notch: Notch, period_s: float) -> Sampled:
     w = notch.frequency_rad_s
-    with_it, without = (_passed(notch.sampled(period_s, prewarp=prewarp), w) for prewarp in (True, False))
+    with_it, without = (
+        _passed(notch.sampled(period_s, prewarp=prewarp), w) for prewarp in (True, False)
+    )
     return Sampled(name, w, notch.digital_frequency_rad_s(period_s), notch.depth, with_it, without)
 
 

@@ -66,7 +66,11 @@ class ObserverTask:
     def rigid(self) -> Nominal:
         """1 / (J s + Dm)."""
         j = self.joint
-        inertia = j.motor_inertia_kg_m2 if self.nominal_inertia_kg_m2 is None else self.nominal_inertia_kg_m2
+        inertia = (
+            j.motor_inertia_kg_m2
+            if self.nominal_inertia_kg_m2 is None
+            else self.nominal_inertia_kg_m2
+        )
         return Nominal.rigid(inertia, j.motor_friction_n_m_s_rad)
 
     @property
@@ -143,7 +147,9 @@ class ObserverRow(NamedTuple):
     elastic: Rejection
     stiff: Mode  # the least damped pole of a stiff load (Jm + Jlr in one) under the rigid nominal
     stiff_low: float  # like low, of the stiff load
-    printed: Mode | None  # the pair that H_f as source 001 prints it, for the first order, would have
+    printed: (
+        Mode | None
+    )  # the pair that H_f as source 001 prints it, for the first order, would have
 
 
 class Turns(NamedTuple):
@@ -179,33 +185,52 @@ def turns(task: ObserverTask) -> Turns:
     found = np.array([damping(task, float(np.exp(x))) for x in grid])
     top = int(found.argmax())
     ends = grid[max(top - 1, 0)], grid[min(top + 1, GRID - 1)]
-    best = float(np.exp(minimize_scalar(lambda x: -damping(task, float(np.exp(x))), bounds=ends, method="bounded").x))
+    best = float(
+        np.exp(
+            minimize_scalar(
+                lambda x: -damping(task, float(np.exp(x))), bounds=ends, method="bounded"
+            ).x
+        )
+    )
     excited, unstable = (_below(task, level, grid, found) for level in (task.calmest_excited, 0.0))
     return Turns(excited, unstable, best, task.design(task.rigid, best).least_damped(task.joint))
 
 
-def _below(task: ObserverTask, level: float, grid: FloatArray, found: FloatArray) -> tuple[Interval, ...]:
+def _below(
+    task: ObserverTask, level: float, grid: FloatArray, found: FloatArray
+) -> tuple[Interval, ...]:
     """Where the damping is less: between its crossings of the level, and on to the limits."""
     from scipy.optimize import brentq
 
     below = found < level
     crossed = np.flatnonzero(below[1:] != below[:-1])
-    ends = [float(np.exp(brentq(lambda x: damping(task, float(np.exp(x))) - level, grid[k], grid[k + 1]))) for k in crossed]
+    ends = [
+        float(
+            np.exp(brentq(lambda x: damping(task, float(np.exp(x))) - level, grid[k], grid[k + 1]))
+        )
+        for k in crossed
+    ]
     ends = [0.0] * bool(below[0]) + ends + [math.inf] * bool(below[-1])
     return tuple(zip(ends[::2], ends[1::2], strict=True))
 
 
-def course(task: ObserverTask, nominal: Nominal | None, time_constant_s: float, torque: Place) -> Course:
+def course(
+    task: ObserverTask, nominal: Nominal | None, time_constant_s: float, torque: Place
+) -> Course:
     """The load's speed after 1 N m on motor or load, exactly; without observer for nominal = None."""
     if nominal is None:
         return _step(task, _alone(task.joint, torque))
-    return _step(task, task.design(nominal, time_constant_s).disturbance(task.joint, torque, "load"))
+    return _step(
+        task, task.design(nominal, time_constant_s).disturbance(task.joint, torque, "load")
+    )
 
 
 def printed_poles_1_s(joint: TwoMass, time_constant_s: float) -> ComplexArray:
     """Of H_f = (Jlr s^2 + Del s + Kel)(Jm s^2 + Dm s) + G_f (Del s + Kel) Jm s^2, which source 001 prints with Jm for Jlr."""
     motor = np.array([joint.motor_inertia_kg_m2, joint.motor_friction_n_m_s_rad])
-    wrong = np.polymul([joint.motor_inertia_kg_m2, joint.reflected_friction_n_m_s_rad, 0.0], joint.load_numerator)
+    wrong = np.polymul(
+        [joint.motor_inertia_kg_m2, joint.reflected_friction_n_m_s_rad, 0.0], joint.load_numerator
+    )
     whole = np.polymul([time_constant_s, 1.0], np.polymul(joint.motor_numerator, motor))
     return _roots(np.asarray(np.polyadd(whole, time_constant_s * wrong)))
 
@@ -224,7 +249,10 @@ def _row(task: ObserverTask, time_constant_s: float) -> ObserverRow:
 
 
 def _observed(task: ObserverTask, own: ObserverDesign) -> Rejection:
-    motor, load = own.disturbance(task.joint, "motor", "load"), own.disturbance(task.joint, "load", "load")
+    motor, load = (
+        own.disturbance(task.joint, "motor", "load"),
+        own.disturbance(task.joint, "load", "load"),
+    )
     return _rejection(task, own.least_damped(task.joint), motor, load)
 
 
@@ -257,8 +285,12 @@ def _stiff(task: ObserverTask, time_constant_s: float) -> tuple[Mode, float]:
 
 def _alone(joint: TwoMass, torque: Place) -> Ratio:
     """The load's speed over a torque, without observer."""
-    own = np.polyadd([joint.motor_inertia_kg_m2, joint.motor_friction_n_m_s_rad, 0.0], joint.load_numerator)
-    return Ratio(joint.load_numerator if torque == "motor" else np.asarray(own), joint.denominator[:-1])
+    own = np.polyadd(
+        [joint.motor_inertia_kg_m2, joint.motor_friction_n_m_s_rad, 0.0], joint.load_numerator
+    )
+    return Ratio(
+        joint.load_numerator if torque == "motor" else np.asarray(own), joint.denominator[:-1]
+    )
 
 
 def _step(task: ObserverTask, ratio: Ratio) -> Course:

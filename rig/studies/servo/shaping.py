@@ -47,15 +47,29 @@ class ShapingTask:
     period_s: float | None = None  # of the drive, to see the shapers on its samples as well
 
     def __post_init__(self) -> None:
-        check_range("frequency", self.frequency_rad_s, SMALLEST, LARGEST, "give the mode's frequency in rad/s")
-        check_range("damping", self.damping, 0.0, MOST_DAMPING, "give the mode's damping ratio, e.g. 0.05")
-        check_range("frequency error", self.frequency_error, 0.0, MOST_ERROR, "give a share, e.g. 0.1")
+        check_range(
+            "frequency",
+            self.frequency_rad_s,
+            SMALLEST,
+            LARGEST,
+            "give the mode's frequency in rad/s",
+        )
+        check_range(
+            "damping", self.damping, 0.0, MOST_DAMPING, "give the mode's damping ratio, e.g. 0.05"
+        )
+        check_range(
+            "frequency error", self.frequency_error, 0.0, MOST_ERROR, "give a share, e.g. 0.1"
+        )
         check_range("damping error", self.damping_error, 0.0, 1.0, "give a share, e.g. 0.2")
         check_range("pulse", self.pulse_s, SMALLEST, LARGEST, "give its length in s")
         largest = self.damping * (1.0 + self.damping_error)
-        check_range("damping x (1 + damping error)", largest, 0.0, MOST_DAMPING, "lower one of the two")
+        check_range(
+            "damping x (1 + damping error)", largest, 0.0, MOST_DAMPING, "lower one of the two"
+        )
         if not self.shapers:
-            raise ServoError(f"shapers = (); must be one or more of {', '.join(SHAPERS)}: name them")
+            raise ServoError(
+                f"shapers = (); must be one or more of {', '.join(SHAPERS)}: name them"
+            )
         for name in self.shapers:
             if name not in SHAPERS:
                 raise unknown_name("shaper", name, SHAPERS)
@@ -105,7 +119,9 @@ def robustness(task: ShapingTask) -> tuple[Robustness, ...]:
 
 def pulse_residuals(task: ShapingTask, shaper: Shaper = UNSHAPED) -> FloatArray:
     """Of the pulse example when the joint is as assumed, then in the four cases: (5,)."""
-    return np.array([pulse(task.pulse_s, shaper, mode).residual for mode in (task.mode, *task.cases)])
+    return np.array(
+        [pulse(task.pulse_s, shaper, mode).residual for mode in (task.mode, *task.cases)]
+    )
 
 
 def pulse(pulse_s: float, shaper: Shaper, mode: Mode, watch_s: float = 0.0) -> Pulse:
@@ -115,12 +131,16 @@ def pulse(pulse_s: float, shaper: Shaper, mode: Mode, watch_s: float = 0.0) -> P
     whose foot moves as the rigid joint would. Exact, no step size (source 001, example of two masses).
     """
     rate = rate_1_s(mode)
-    chain = MassChain(masses_kg=(1.0,), stiffnesses_n_m=(abs(rate) ** 2,), dampings_n_s_m=(-2.0 * rate.real,))
+    chain = MassChain(
+        masses_kg=(1.0,), stiffnesses_n_m=(abs(rate) ** 2,), dampings_n_s_m=(-2.0 * rate.real,)
+    )
     command = shape(Trajectory((polynomial(pulse_s, (0.0, 1.0)),)), shaper)
     after_s = max(watch_s, 2.0 * math.pi / rate.imag)
     (lag,) = response(chain.modal, command, after_s)
     whole = (*command.pieces, polynomial(after_s, (pulse_s,)))
-    load = Trajectory(tuple(add(rigid, behind) for rigid, behind in zip(whole, lag.pieces, strict=True)))
+    load = Trajectory(
+        tuple(add(rigid, behind) for rigid, behind in zip(whole, lag.pieces, strict=True))
+    )
     return Pulse(command, load, Trajectory(lag.pieces[-1:]).peak().value / pulse_s)
 
 

@@ -20,8 +20,15 @@ from rig.run.toml_file import Section, convert, nearest, override, read_toml
 
 SHIPPED = "source_001"
 SHORTEST = 10  # samples of a move
-NEEDED = ("motor_inertia_kg_m2", "load_inertia_kg_m2", "stiffness_n_m_rad", "gear_ratio")  # of a bench
-FRICTIONLESS = dict.fromkeys(("motor_friction_n_m_s_rad", "load_friction_n_m_s_rad", "elastic_damping_n_m_s_rad"), 0.0)
+NEEDED = (
+    "motor_inertia_kg_m2",
+    "load_inertia_kg_m2",
+    "stiffness_n_m_rad",
+    "gear_ratio",
+)  # of a bench
+FRICTIONLESS = dict.fromkeys(
+    ("motor_friction_n_m_s_rad", "load_friction_n_m_s_rad", "elastic_damping_n_m_s_rad"), 0.0
+)
 Positive = Annotated[float, Meta(gt=0, le=1e12)]
 NotNegative = Annotated[float, Meta(ge=0, le=1e12)]
 Share = Annotated[float, Meta(gt=0, le=1e3)]
@@ -36,7 +43,9 @@ class MoveSection(Section, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         if not self.load_angle_deg:
-            raise ValueError("load_angle_deg = 0 is no move; must be another angle: give it a sign for the direction")
+            raise ValueError(
+                "load_angle_deg = 0 is no move; must be another angle: give it a sign for the direction"
+            )
 
     @property
     def title(self) -> str:
@@ -52,7 +61,9 @@ class MoveSection(Section, frozen=True, kw_only=True):
                 f"[[move]] motor_acceleration_rad_s2 = {self.motor_acceleration_rad_s2:g} for {self.title} by a gear of ratio "
                 f"{gear_ratio:g}; must be >= {least:.6g}: raise it, or give the move more time"
             )
-        return trapezoidal_by_acceleration(angle_rad, self.time_s, self.motor_acceleration_rad_s2).trajectory()
+        return trapezoidal_by_acceleration(
+            angle_rad, self.time_s, self.motor_acceleration_rad_s2
+        ).trajectory()
 
 
 class ModelSection(Section, frozen=True, kw_only=True):
@@ -81,15 +92,25 @@ class PidSection(Section, frozen=True, kw_only=True):
     speed_crossover: Share = 0.7
     position_crossover: Share = 0.15
     reset_time: Share = 10.0
-    feed_forward: Annotated[float, Meta(ge=0, le=10)] = 1.0  # of pid_ff: share of the rigid inertia that it feeds ahead
+    feed_forward: Annotated[float, Meta(ge=0, le=10)] = (
+        1.0  # of pid_ff: share of the rigid inertia that it feeds ahead
+    )
 
 
 class LqgSection(Section, frozen=True, kw_only=True):
     """`[lqg]`: weights of [qm, qm', n ql, n ql', integral of the error] and of the torque; what the Kalman filter is told."""
 
-    state_weights: tuple[NotNegative, NotNegative, NotNegative, NotNegative, NotNegative] = (50.0, 0.0, 50.0, 0.001, 20000.0)
+    state_weights: tuple[NotNegative, NotNegative, NotNegative, NotNegative, NotNegative] = (
+        50.0,
+        0.0,
+        50.0,
+        0.001,
+        20000.0,
+    )
     torque_weight: Positive = 1.0
-    torque_noise_n2_m2_s: Positive = 2.5e-6  # density of white torques on motor and load: 0.05 N m, a new value each ms
+    torque_noise_n2_m2_s: Positive = (
+        2.5e-6  # density of white torques on motor and load: 0.05 N m, a new value each ms
+    )
     encoder_counts_per_rev: Annotated[int, Meta(ge=1, le=2**40)] = 8192
     corner_rad_s: Positive = 150.0  # of the filter in lqg_ff
 
@@ -116,7 +137,9 @@ class HelpersSection(Section, frozen=True, kw_only=True):
     """`[helpers]`: what stands beside a P/PI cascade in pid_notch, pid_observer and pid_shaped."""
 
     notch_damping: Share = 1.0  # of the poles it puts in place of the joint's
-    observer_time_s: Positive = 0.02  # faster ones let the load ring under this cascade: 5 ms leaves a damping of 0.10
+    observer_time_s: Positive = (
+        0.02  # faster ones let the load ring under this cascade: 5 ms leaves a damping of 0.10
+    )
     shaper: str = "zv"
 
 
@@ -154,7 +177,9 @@ class ServoSpec(Section, frozen=True, kw_only=True):
     def truth_tables(self, name: str) -> dict[str, Any]:
         """What the bench is made of. Raises ConfigError for a truth that the file has not, or that lacks what any joint has."""
         if name not in self.truth:
-            raise ConfigError(f"--truth {name!r}: not in the file{nearest(name, self.truth)}; known: {', '.join(self.truth)}")
+            raise ConfigError(
+                f"--truth {name!r}: not in the file{nearest(name, self.truth)}; known: {', '.join(self.truth)}"
+            )
         told = FRICTIONLESS | self.bench | self.truth[name]
         for key in NEEDED:
             if key not in told:

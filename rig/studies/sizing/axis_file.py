@@ -28,7 +28,9 @@ from rig.run.toml_file import Section, convert
 from rig.studies.sizing.motor_task import MotorSection
 
 T = TypeVar("T")
-EXAMPLES = ("appendix",)  # the worked axis of source 004, appendix C; NAME_published.toml has what the source prints of it
+EXAMPLES = (
+    "appendix",
+)  # the worked axis of source 004, appendix C; NAME_published.toml has what the source prints of it
 
 
 class AxisSection(Section, frozen=True, kw_only=True):
@@ -175,7 +177,10 @@ def sizing_of(tables: dict[str, Any]) -> Sizing:
     catalogue = _catalogue([*_shipped("catalogue")["catalogue"], *file.catalogue])
     if file.choice and file.choice not in catalogue:
         raise unknown_name("choice", file.choice, catalogue)
-    published = {name: convert(row, PublishedFigure, f"published.{name}") for name, row in file.published.items()}
+    published = {
+        name: convert(row, PublishedFigure, f"published.{name}")
+        for name, row in file.published.items()
+    }
     return Sizing(_axis(file), catalogue, catalogue.get(file.choice), published)
 
 
@@ -188,7 +193,9 @@ def _axis(file: SizingFile) -> Axis:
         balls=_built(Balls, file.balls, "[balls]"),
         shares=_built(Shares, file.shares, "[shares]"),
         wishes=_built(Wishes, file.wishes, "[wishes]"),
-        motor=None if file.motor is None else _built(Motor, convert(file.motor, MotorSection, "motor"), "[motor]"),
+        motor=None
+        if file.motor is None
+        else _built(Motor, convert(file.motor, MotorSection, "motor"), "[motor]"),
         bearing_n_m=file.screw.bearing_n_m,
         nut_n_m=file.screw.nut_n_m,
         carried_kg=file.axis.carried_kg,
@@ -201,14 +208,18 @@ def _mounting(screw: ScrewSection) -> Mounting:
     given = {"whirl": screw.whirl_coefficient, "buckling": screw.buckling_coefficient}
     for name, value in given.items():
         if value is not None:
-            check_range(f"[screw] {name}_coefficient", value, 1e-3, 1e4, "leave it out for the beam's own")
+            check_range(
+                f"[screw] {name}_coefficient", value, 1e-3, 1e4, "leave it out for the beam's own"
+            )
     for name, value in (("bearing_n_m", screw.bearing_n_m), ("nut_n_m", screw.nut_n_m)):
         if value != math.inf:
             bounds.datum(f"[screw] {name}", value)
     with _named("[screw]"):
         return Mounting(
             length_m=screw.length_m,
-            support=SUPPORTS[screw.support]._replace(**{name: value for name, value in given.items() if value is not None}),
+            support=SUPPORTS[screw.support]._replace(
+                **{name: value for name, value in given.items() if value is not None}
+            ),
             free_length_m=screw.free_length_m,
             density_kg_m3=screw.density_kg_m3,
             youngs_modulus_pa=screw.youngs_modulus_pa,
@@ -217,7 +228,9 @@ def _mounting(screw: ScrewSection) -> Mounting:
 
 
 def _load(axis: AxisSection) -> AxisLoad:
-    check_range("[axis] slope_deg", axis.slope_deg, -90.0, 90.0, "0 is horizontal, positive goes up")
+    check_range(
+        "[axis] slope_deg", axis.slope_deg, -90.0, 90.0, "0 is horizontal, positive goes up"
+    )
     bounds.datum("[axis] carried_kg", axis.carried_kg, zero=True)
     with _named("[axis]"):
         return AxisLoad(
@@ -251,10 +264,16 @@ def _catalogue(rows: list[dict[str, Any]]) -> dict[str, Candidate]:
     for number, row in enumerate(rows, start=1):
         section = convert(row, EntrySection, f"catalogue.{number}")
         if section.name in entries:
-            raise ConfigError(f"[[catalogue]] name = {section.name!r} twice; must be one of a kind: rename one")
-        entries[section.name] = _built(Candidate, section, f"[[catalogue]] {section.name.strip() or number}:")
+            raise ConfigError(
+                f"[[catalogue]] name = {section.name!r} twice; must be one of a kind: rename one"
+            )
+        entries[section.name] = _built(
+            Candidate, section, f"[[catalogue]] {section.name.strip() or number}:"
+        )
     return entries
 
 
 def _shipped(name: str) -> dict[str, Any]:
-    return tomllib.loads((resources.files("rig.studies.sizing") / "screws" / f"{name}.toml").read_text())
+    return tomllib.loads(
+        (resources.files("rig.studies.sizing") / "screws" / f"{name}.toml").read_text()
+    )

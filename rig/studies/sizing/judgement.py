@@ -9,7 +9,13 @@ from rig.drives.screw.cycle import Cycle
 from rig.drives.screw.table import Row, table
 from rig.drives.screw.verdict import Assessment, Check
 from rig.studies.sizing.axis_file import Sizing
-from rig.studies.sizing.published import Comparison, axis_figures, cell_figures, compare, screw_figures
+from rig.studies.sizing.published import (
+    Comparison,
+    axis_figures,
+    cell_figures,
+    compare,
+    screw_figures,
+)
 
 
 class Judgement(NamedTuple):
@@ -32,7 +38,11 @@ class Judgement(NamedTuple):
         """Why that one is judged."""
         if self.chosen:
             return "choice"
-        return "told in full first, then greatest least margin" if self.fitting else "greatest least margin"
+        return (
+            "told in full first, then greatest least margin"
+            if self.fitting
+            else "greatest least margin"
+        )
 
     @property
     def admissible(self) -> bool:
@@ -69,11 +79,15 @@ class Judgement(NamedTuple):
 def judge(sizing: Sizing) -> Judgement:
     """Assess the catalogue. Raises PlanError and ConfigError for published figures that cannot be compared."""
     axis = sizing.axis
-    found = sorted((assess(axis, candidate) for candidate in sizing.catalogue.values()), key=lambda a: a.rank)
+    found = sorted(
+        (assess(axis, candidate) for candidate in sizing.catalogue.values()), key=lambda a: a.rank
+    )
     judged = next((a for a in found if a.candidate is sizing.choice), found[0])
     motion = table(axis.cycle, axis.load, axis.drive(judged.candidate), judged.screw)
     of_axis, of_screw = axis_figures(axis), screw_figures(axis, judged)
-    printed = compare(sizing.published, of_axis, of_screw | cell_figures(motion), chosen=sizing.choice is not None)
+    printed = compare(
+        sizing.published, of_axis, of_screw | cell_figures(motion), chosen=sizing.choice is not None
+    )
     return Judgement(sizing, found, judged, of_axis | of_screw, motion, printed)
 
 

@@ -76,7 +76,9 @@ class MotorTask(Section, frozen=True, kw_only=True):
     def drivetrain(self) -> Drivetrain:
         """Raises PlanError for a value out of bounds."""
         values = msgspec.structs.asdict(self.drivetrain_section)
-        return Drivetrain(**(values | {"radius_m": 1.0 if values["radius_m"] is None else values["radius_m"]}))
+        return Drivetrain(
+            **(values | {"radius_m": 1.0 if values["radius_m"] is None else values["radius_m"]})
+        )
 
     def trajectory(self) -> Trajectory:
         """The motion of the output shaft [rad], or of what rolls off the radius [m].
@@ -103,7 +105,9 @@ class MotorTask(Section, frozen=True, kw_only=True):
     def _metres(self) -> tuple[float, float | None]:
         m = self.motion
         if m.distance_m is None or m.distance_rad is not None or m.acceleration_rad_s2 is not None:
-            raise ConfigError(f"[motion] distance_m = {m.distance_m} beside a key in rad; must be one unit: drop the others")
+            raise ConfigError(
+                f"[motion] distance_m = {m.distance_m} beside a key in rad; must be one unit: drop the others"
+            )
         if self.drivetrain_section.radius_m is None:
             raise ConfigError(
                 f"[motion] distance_m = {m.distance_m} without [drivetrain] radius_m; must have one, in m (a screw: "
@@ -114,7 +118,9 @@ class MotorTask(Section, frozen=True, kw_only=True):
     def _radians(self) -> tuple[float, float | None]:
         m = self.motion
         if m.distance_rad is None:
-            raise ConfigError("[motion] distance_rad: missing; add it, or distance_m (--angle or --distance)")
+            raise ConfigError(
+                "[motion] distance_rad: missing; add it, or distance_m (--angle or --distance)"
+            )
         if m.acceleration_m_s2 is not None or self.drivetrain_section.radius_m is not None:
             raise ConfigError(
                 f"[motion] distance_rad = {m.distance_rad} beside acceleration_m_s2 or radius_m; must be one unit: "
@@ -127,7 +133,9 @@ def example_tables(name: str) -> dict[str, Any]:
     """The tables of a shipped example. Raises PlanError for a name not in EXAMPLES."""
     if name not in EXAMPLES:
         raise unknown_name("--example", name, EXAMPLES)
-    return tomllib.loads((resources.files("rig.studies.sizing") / "motors" / f"example_{name}.toml").read_text())
+    return tomllib.loads(
+        (resources.files("rig.studies.sizing") / "motors" / f"example_{name}.toml").read_text()
+    )
 
 
 def task_of(tables: dict[str, Any]) -> MotorTask:

@@ -67,15 +67,25 @@ def _aside(axis: Axis, nut: Candidate, figures: dict[str, float]) -> Iterator[No
     """What is taken for granted."""
     if nut.core_diameter_m is None:
         thin = replace(nut, core_diameter_m=CORE * nut.diameter_m)
-        rpm, needed_rpm = axis.shares.whirl * thin.screw(axis.mounting).whirl_rad_s * RPM, figures["peak_speed_rpm"]
+        rpm, needed_rpm = (
+            axis.shares.whirl * thin.screw(axis.mounting).whirl_rad_s * RPM,
+            figures["peak_speed_rpm"],
+        )
         short = rpm < needed_rpm <= figures["critical_speed_rpm"]
         yield Note(
             f"the core is taken to be as thick as the screw: one of {CORE:g} d, {digits.mm(thin.core_m)}, has a critical speed "
             f"of {digits.number(rpm)} in place of {digits.number(figures['critical_speed_rpm'])} rpm"
-            + (f", too low for {digits.number(needed_rpm)} rpm: give core_diameter_m" if short else ""),
+            + (
+                f", too low for {digits.number(needed_rpm)} rpm: give core_diameter_m"
+                if short
+                else ""
+            ),
             dim=not short,
         )
     if nut.limit_m_rpm is None and not axis.balls.usual:
         values = (axis.balls.allowed_m_rpm, *BALLS_M_RPM[axis.balls.material])
         (given, low, high), unit = digits.shown(values, "m rpm")
-        yield Note(f"d n of {given} {unit} is not the {low} to {high} of {axis.balls.material} balls", dim=True)
+        yield Note(
+            f"d n of {given} {unit} is not the {low} to {high} of {axis.balls.material} balls",
+            dim=True,
+        )

@@ -48,7 +48,9 @@ class Comparison(NamedTuple):
 def axis_figures(axis: Axis) -> dict[str, float]:
     """What is known before a screw is chosen, by name with its unit."""
     need, shares = axis.demand, axis.shares
-    least = absolute_least_lead(axis.mounting, need.peak_speed_m_s, shares.whirl, axis.balls_m_rpm())
+    least = absolute_least_lead(
+        axis.mounting, need.peak_speed_m_s, shares.whirl, axis.balls_m_rpm()
+    )
     figures = {
         **need._asdict(),
         "cycle_s": axis.cycle.duration_s,
@@ -58,11 +60,17 @@ def axis_figures(axis: Axis) -> dict[str, float]:
         "buckling_coefficient": axis.mounting.support.buckling,
         "lead_min_abs_m": least.lead_m,
         "diameter_at_lead_min_abs_m": least.diameter_m,
-        "diameter_min_buckling_m": least_diameter_by_buckling_m(axis.mounting, need.peak_force_n, shares.buckling),
+        "diameter_min_buckling_m": least_diameter_by_buckling_m(
+            axis.mounting, need.peak_force_n, shares.buckling
+        ),
     }
     if axis.wishes.life_h is not None:
         figures["dynamic_load_at_lead_min_abs_n"] = dynamic_load_n(
-            axis.wishes.life_h, need.equivalent_force_n, need.mean_speed_m_s, least.lead_m, shares.service_factor
+            axis.wishes.life_h,
+            need.equivalent_force_n,
+            need.mean_speed_m_s,
+            least.lead_m,
+            shares.service_factor,
         )
     return figures
 
@@ -80,7 +88,9 @@ def screw_figures(axis: Axis, found: Assessment) -> dict[str, float]:
         "whirl_rad_s": screw.whirl_rad_s,
         "critical_speed_rpm": shares.whirl * screw.whirl_rad_s * RPM,
         "lead_min_whirl_m": least_lead_by_whirl_m(screw, need.peak_speed_m_s, shares.whirl),
-        "lead_min_balls_m": least_lead_by_balls_m(screw.circle_m, need.peak_speed_m_s, axis.balls_m_rpm(nut)),
+        "lead_min_balls_m": least_lead_by_balls_m(
+            screw.circle_m, need.peak_speed_m_s, axis.balls_m_rpm(nut)
+        ),
         "buckling_load_n": screw.buckling_load_n,
         "sag_m": screw.sag_m(axis.load.slope_rad, axis.carried_kg),
         "axial_stiffness_n_m": screw.axial_stiffness_n_m,
@@ -102,7 +112,11 @@ def screw_figures(axis: Axis, found: Assessment) -> dict[str, float]:
     }
     if axis.wishes.life_h is not None:
         figures["dynamic_load_n"] = dynamic_load_n(
-            axis.wishes.life_h, axis.equivalent_load_n(nut), need.mean_speed_m_s, screw.lead_m, shares.service_factor
+            axis.wishes.life_h,
+            axis.equivalent_load_n(nut),
+            need.mean_speed_m_s,
+            screw.lead_m,
+            shares.service_factor,
         )
     if nut.dynamic_load_n is not None:
         figures["life_h"] = life_of(axis, nut)
@@ -124,12 +138,18 @@ def life_of(axis: Axis, nut: Candidate) -> float:
 def cell_figures(rows: Sequence[Row]) -> dict[str, float]:
     """Cells of the motion-law table as move_N.phase_N.NAME."""
     return {
-        f"move_{row.move}.phase_{row.phase}.{name}": value for row in rows for name, value in list(row._asdict().items())[2:]
+        f"move_{row.move}.phase_{row.phase}.{name}": value
+        for row in rows
+        for name, value in list(row._asdict().items())[2:]
     }
 
 
 def compare(
-    published: dict[str, PublishedFigure], of_axis: dict[str, float], of_screw: dict[str, float], *, chosen: bool
+    published: dict[str, PublishedFigure],
+    of_axis: dict[str, float],
+    of_screw: dict[str, float],
+    *,
+    chosen: bool,
 ) -> list[Comparison]:
     """Printed and right figures side by side; those of a screw only where it is chosen.
 

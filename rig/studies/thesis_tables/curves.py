@@ -38,7 +38,11 @@ class Family(NamedTuple):
 
 LOADS = {
     "pendulum": Load(PENDULUM, {"length": (0.7, 1.3)}, "length"),
-    "two_bars": Load(TWO_BARS, {"length_1": (0.35, 0.65), "length_2": (0.35, 0.65), "stiffness_1": (5.0, 15.0)}, "length_2"),
+    "two_bars": Load(
+        TWO_BARS,
+        {"length_1": (0.35, 0.65), "length_2": (0.35, 0.65), "stiffness_1": (5.0, 15.0)},
+        "length_2",
+    ),
 }
 FAMILIES = {
     "simple": Family("convolution", (2.5, 2.0, 1.5)),
@@ -80,7 +84,10 @@ def _series(load: str, family: str, time_s: float) -> Iterator[Series]:
     trajectory = _plan(load, family, time_s)
     values = {name: np.linspace(low, high, POINTS).tolist() for name, (low, high) in ranges.items()}
     real = [model.with_parameter(name, value) for name in values for value in values[name]]
-    small, full = (residual_amplitudes(real, trajectory, nonlinear=kind).reshape(-1, POINTS) for kind in (False, True))
+    small, full = (
+        residual_amplitudes(real, trajectory, nonlinear=kind).reshape(-1, POINTS)
+        for kind in (False, True)
+    )
     for name, linear, nonlinear in zip(values, small.tolist(), full.tolist(), strict=True):
         yield Series(
             load=load,
@@ -97,5 +104,11 @@ def _series(load: str, family: str, time_s: float) -> Iterator[Series]:
 def _plan(load: str, family: str, time_s: float) -> Trajectory:
     model, _, robust = LOADS[load]
     planner, _, input, forgiving = FAMILIES[family]
-    problem = Problem(distance_m=DISTANCE_M, time_s=time_s, model=model, input=input, robust=(robust,) if forgiving else ())
+    problem = Problem(
+        distance_m=DISTANCE_M,
+        time_s=time_s,
+        model=model,
+        input=input,
+        robust=(robust,) if forgiving else (),
+    )
     return plan(planner, problem).motion.x

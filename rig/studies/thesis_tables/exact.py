@@ -22,7 +22,10 @@ def exact_metrics(model: Model, trajectory: Trajectory) -> dict[str, float]:
     """
     n = model.links_count
     low, high = trajectory.extent(0)
-    t, x = np.linspace(0.0, trajectory.duration_s, INTERVALS + 1), states_along(model, trajectory, INTERVALS)
+    t, x = (
+        np.linspace(0.0, trajectory.duration_s, INTERVALS + 1),
+        states_along(model, trajectory, INTERVALS),
+    )
     peaks = [Swing(t, x[:, [k]], x[:, [n + k]]).peak_rad() for k in range(2, 2 + n)]
     residual = model.amplitude_rad(*swing_after(model, trajectory))
     marks = [""] if n == 1 else range(1, n + 1)
@@ -43,14 +46,20 @@ def states_along(model: Model, trajectory: Trajectory, intervals: int) -> FloatA
 
     The acceleration is taken as lines between nodes, twice, and the error of the nodes' distance squared extrapolated.
     """
-    coarse, fine = (_between_lines(model, trajectory, count) for count in (intervals, 2 * intervals))
+    coarse, fine = (
+        _between_lines(model, trajectory, count) for count in (intervals, 2 * intervals)
+    )
     return (4.0 * fine[::2] - coarse) / 3.0
 
 
 def _between_lines(model: Model, trajectory: Trajectory, intervals: int) -> FloatArray:
     time_s, joints = trajectory.duration_s, trajectory.breaks_s[1:-1]
     t = np.linspace(0.0, time_s, intervals + 1)
-    if joints.size:  # where the acceleration may step: a node at the joint, and one an instant before it
+    if (
+        joints.size
+    ):  # where the acceleration may step: a node at the joint, and one an instant before it
         apart = np.abs(np.subtract.outer(t, joints)).min(axis=1) > 2.0 * INSTANT_S
         t = np.sort(np.concatenate([t[apart], joints - INSTANT_S, joints]))
-    return respond(model.state_space(), InputNodes(t, trajectory.at(t, 2)), time_s, time_s / intervals)
+    return respond(
+        model.state_space(), InputNodes(t, trajectory.at(t, 2)), time_s, time_s / intervals
+    )

@@ -38,7 +38,9 @@ def shaped_nodes(
                     impulses[at] = impulses.get(at, 0.0) + share / 2
     law_s = time_s - max(impulses)
     if not law_s > 0.0:
-        raise PlanError(f"time_s = {time_s}; must be > {max(impulses):g}, the shapers' length: lengthen the move")
+        raise PlanError(
+            f"time_s = {time_s}; must be > {max(impulses):g}, the shapers' length: lengthen the move"
+        )
     count = FINE if samples == "fine" else round(time_s / SAMPLE_S)
     t = np.linspace(0.0, time_s, count + 1)
     edge, acceleration = 1e-6 * time_s / count, np.zeros_like(t)
@@ -49,7 +51,9 @@ def shaped_nodes(
     return InputNodes(t, acceleration * distance_m / 2 * (math.pi / law_s) ** 2)
 
 
-def shooting_nodes(model: PendulumModel, distance_m: float, time_s: float, *, robust: bool) -> InputNodes:
+def shooting_nodes(
+    model: PendulumModel, distance_m: float, time_s: float, *, robust: bool
+) -> InputNodes:
     """Acceleration -b'costate at ode45's points, the first costate corrected until ode45's own end is the goal.
 
     That is how the source shoots (section 2.1.5): its residuals are those of a line through some 60 to 110 points.

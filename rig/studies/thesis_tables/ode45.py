@@ -34,7 +34,9 @@ WITHIN = np.array(
 )
 
 
-def ode45(matrix: FloatArray, start: FloatArray, duration_s: float) -> tuple[FloatArray, FloatArray]:
+def ode45(
+    matrix: FloatArray, start: FloatArray, duration_s: float
+) -> tuple[FloatArray, FloatArray]:
     """y' = matrix y: the times (m,) and states (m, n) at the ends of its steps and at REFINE - 1 points within each.
 
     Step control of Shampine and Reichelt, "The MATLAB ODE suite" (1997): the error is relative to the larger of |y| before
@@ -42,7 +44,9 @@ def ode45(matrix: FloatArray, start: FloatArray, duration_s: float) -> tuple[Flo
     """
     longest, t, y = 0.1 * duration_s, 0.0, start
     floor = ABSOLUTE / RELATIVE
-    steepness = np.max(np.abs(matrix @ y) / np.maximum(np.abs(y), floor)) / (0.8 * RELATIVE ** (1 / ORDER))
+    steepness = np.max(np.abs(matrix @ y) / np.maximum(np.abs(y), floor)) / (
+        0.8 * RELATIVE ** (1 / ORDER)
+    )
     step = min(longest, 1.0 / float(steepness)) if steepness > 0 else longest
     times, states = [np.zeros(1)], [y[None]]
     shares = np.arange(1, REFINE + 1) / REFINE
@@ -53,7 +57,9 @@ def ode45(matrix: FloatArray, start: FloatArray, duration_s: float) -> tuple[Flo
         last = 1.1 * step >= duration_s - t
         step = duration_s - t if last else step
         slopes, new = _stages(matrix, y, step)
-        error = step * float(np.max(np.abs(ERROR @ slopes) / np.maximum(np.maximum(np.abs(y), np.abs(new)), floor)))
+        error = step * float(
+            np.max(np.abs(ERROR @ slopes) / np.maximum(np.maximum(np.abs(y), np.abs(new)), floor))
+        )
         if error > RELATIVE:
             step *= 0.5 if failed else max(0.1, 0.8 * (RELATIVE / error) ** (1 / ORDER))
             failed = True

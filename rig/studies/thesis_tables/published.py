@@ -98,7 +98,10 @@ def _tables() -> dict[str, tuple[Row, ...]]:
     return {
         section.table: tuple(
             msgspec.structs.replace(
-                row, table=section.table, columns=section.columns, why=file.reasons[row.why] if row.why else ""
+                row,
+                table=section.table,
+                columns=section.columns,
+                why=file.reasons[row.why] if row.why else "",
             )
             for row in section.rows
         )

@@ -20,7 +20,9 @@ class InputNodes(NamedTuple):
     values: FloatArray  # (m,) of the plant's input
 
 
-def respond(plant: StateSpace, nodes: InputNodes, duration_s: float, sample_s: float = SAMPLE_S) -> FloatArray:
+def respond(
+    plant: StateSpace, nodes: InputNodes, duration_s: float, sample_s: float = SAMPLE_S
+) -> FloatArray:
     """States of the linear plant from rest, every sample_s from 0 to duration_s: (N + 1, n), exact to rounding.
 
     The input is a line that changes its value and slope at the nodes, so [x; u; u'] obeys one linear law between nodes;
@@ -34,7 +36,10 @@ def respond(plant: StateSpace, nodes: InputNodes, duration_s: float, sample_s: f
     inside = sample < count
     z = np.zeros((count, n + 2))
     np.add.at(z, sample[inside], carried[inside])
-    flow, step = _carry(law, np.eye(n + 2), np.full(n + 2, sample_s)), 1  # rows: what each state becomes
+    flow, step = (
+        _carry(law, np.eye(n + 2), np.full(n + 2, sample_s)),
+        1,
+    )  # rows: what each state becomes
     while step < count:
         z[step:] += z[:-step] @ flow
         flow, step = flow @ flow, 2 * step

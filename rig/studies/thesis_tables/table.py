@@ -24,11 +24,17 @@ from rig.studies.thesis_tables.source_metrics import SAMPLE_S, InputNodes, measu
 
 DISTANCE_M = 0.2
 WINDOW = 2  # of the speed's RMS, in times of the move
-TOLERANCE, RESIDUAL_TOLERANCE = 5e-4, 0.02  # relative; of residuals, which are what a rounding of the input leaves
+TOLERANCE, RESIDUAL_TOLERANCE = (
+    5e-4,
+    0.02,
+)  # relative; of residuals, which are what a rounding of the input leaves
 INTERVALS = 200  # of the source's finite differences
 POINTS = 2000  # of its bvp5c
 SHAPERS, CLOSED = ("zv", "zvd"), ("convolution", "matrix_exponential")
-HALF_PERIODS_S = {False: (1.0,), True: (0.820, 0.189)}  # as its figures show, by whether there are bars
+HALF_PERIODS_S = {
+    False: (1.0,),
+    True: (0.820, 0.189),
+}  # as its figures show, by whether there are bars
 RUNS, PATIENCE_S = 3, 0.05  # how often a plan is timed
 
 
@@ -44,12 +50,18 @@ class Comparison(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def errors(self) -> dict[str, float]:
         """ours / published - 1, by column."""
-        return {column: self.ours[column] / figure - 1.0 for column, figure in self.row.published.items() if self.ours}
+        return {
+            column: self.ours[column] / figure - 1.0
+            for column, figure in self.row.published.items()
+            if self.ours
+        }
 
     @property
     def off(self) -> tuple[str, ...]:
         """Columns in which ours and the published figure differ by more than the tolerance."""
-        return tuple(column for column, error in self.errors.items() if abs(error) > tolerance(column))
+        return tuple(
+            column for column, error in self.errors.items() if abs(error) > tolerance(column)
+        )
 
     @property
     def reason(self) -> str:
@@ -57,19 +69,27 @@ class Comparison(msgspec.Struct, frozen=True, kw_only=True):
         if self.row.verdict != "false":
             return self.row.why
         excess = 1.0 / (1.0 + self.errors["a_max_m_s2"]) - 1.0
-        return f"{self.row.why}: its peak acceleration is {excess:.1%} above ours".replace("%", " %")
+        return f"{self.row.why}: its peak acceleration is {excess:.1%} above ours".replace(
+            "%", " %"
+        )
 
     @property
     def sampling(self) -> str:
         """Where the source's definitions of this row are not those of the others; "" where they are."""
         row, words = self.row, list[str]()
         if row.window != WINDOW:
-            words.append(f"its speed RMS is over [0, {row.window}T], as its printed figure shows, not [0, {WINDOW}T]")
+            words.append(
+                f"its speed RMS is over [0, {row.window}T], as its printed figure shows, not [0, {WINDOW}T]"
+            )
         if row.acceleration == "speed":
             rms = f", their RMS over [0, {WINDOW}T]" if "a_rms_m_s2" in row.columns else ""
-            words.append(f"its accelerations are differences of the simulated speed over {SAMPLE_S * 1e3:g} ms{rms}")
+            words.append(
+                f"its accelerations are differences of the simulated speed over {SAMPLE_S * 1e3:g} ms{rms}"
+            )
         if row.acceleration == "filtered":
-            words.append(f"its accelerations are the jerk model's output at the {INTERVALS + 1} nodes")
+            words.append(
+                f"its accelerations are the jerk model's output at the {INTERVALS + 1} nodes"
+            )
         if row.method in SHAPERS and row.samples == "fine":
             words.append(f"ours: the law at {FINE + 1} even points, the source's are not known")
         if row.method in CLOSED:
@@ -114,7 +134,9 @@ def problem_of(row: Row) -> Problem:
     """The row's move of its load."""
     model: Model = TWO_BARS if row.bars else PENDULUM
     robust = (("length_2" if row.bars else "length"),) if row.robust else ()
-    return Problem(distance_m=DISTANCE_M, time_s=row.time_s, model=model, input=row.input, robust=robust)
+    return Problem(
+        distance_m=DISTANCE_M, time_s=row.time_s, model=model, input=row.input, robust=robust
+    )
 
 
 def _compare(row: Row, seconds: Callable[[Row], float] | None) -> Comparison:
@@ -126,7 +148,12 @@ def _compare(row: Row, seconds: Callable[[Row], float] | None) -> Comparison:
     plant, nodes = _played(row, problem, best)
     return Comparison(
         row=row,
-        ours=measure(plant, nodes, window=row.window, acceleration="speed" if row.acceleration == "speed" else "nodes"),
+        ours=measure(
+            plant,
+            nodes,
+            window=row.window,
+            acceleration="speed" if row.acceleration == "speed" else "nodes",
+        ),
         exact=exact_metrics(problem.model, best),
         compute_s=seconds(row) if seconds else None,
     )
@@ -137,7 +164,9 @@ def _played(row: Row, problem: Problem, best: Trajectory) -> tuple[StateSpace, I
     plant = problem.model.state_space(problem.input)
     if row.method in SHAPERS:
         derivatives = int(row.method == "zvd")
-        return plant, shaped_nodes(DISTANCE_M, row.time_s, HALF_PERIODS_S[row.bars], derivatives, row.samples)
+        return plant, shaped_nodes(
+            DISTANCE_M, row.time_s, HALF_PERIODS_S[row.bars], derivatives, row.samples
+        )
     if row.method == "shooting":
         return plant, shooting_nodes(PENDULUM, DISTANCE_M, row.time_s, robust=row.robust)
     if row.method != "finite_differences":
@@ -151,7 +180,9 @@ def _played(row: Row, problem: Problem, best: Trajectory) -> tuple[StateSpace, I
     return problem.model.state_space(), InputNodes(nodes.t_s, acceleration)
 
 
-def _input_along(problem: Problem, plant: StateSpace, trajectory: Trajectory, t_s: FloatArray) -> FloatArray:
+def _input_along(
+    problem: Problem, plant: StateSpace, trajectory: Trajectory, t_s: FloatArray
+) -> FloatArray:
     """Acceleration of the platform, or the force that gives it with the load swinging: (m,) at even times."""
     acceleration = trajectory.at(t_s, 2)
     if problem.input == "acceleration":

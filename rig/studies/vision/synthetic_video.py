@@ -15,7 +15,13 @@ from rig.studies.vision import bench
 CODECS = {".avi": "FFV1", ".mkv": "FFV1", ".mp4": "mp4v"}  # FFV1 loses nothing
 
 
-def write_video(experiment: Experiment, seconds: float, video: Path, truth: Path, progress: Callable[[int], None]) -> int:
+def write_video(
+    experiment: Experiment,
+    seconds: float,
+    video: Path,
+    truth: Path,
+    progress: Callable[[int], None],
+) -> int:
     """Render a load swinging freely at home; returns the number of frames.
 
     truth: frame, t_s (the video's own time, frame / rate), angle_rad at that frame's mid-exposure. What is there already
@@ -23,17 +29,23 @@ def write_video(experiment: Experiment, seconds: float, video: Path, truth: Path
     be written.
     """
     if video.suffix not in CODECS:
-        raise ConfigError(f"--video {video}: ending '{video.suffix}' is not known; use one of {', '.join(CODECS)}")
+        raise ConfigError(
+            f"--video {video}: ending '{video.suffix}' is not known; use one of {', '.join(CODECS)}"
+        )
     size, rate_hz = (experiment.camera.width, experiment.camera.height), experiment.camera.rate_hz
     if rate_hz == 0:
         raise ConfigError("[camera] rate_hz = 0: no pictures to write; set it to 50")
     drafts = video.with_name(f".new-{video.name}"), truth.with_name(f".new-{truth.name}")
     frames = 0
     with drafts[1].open("w", newline="") as file:
-        writer = cv2.VideoWriter(str(drafts[0]), cv2.VideoWriter.fourcc(*CODECS[video.suffix]), rate_hz, size)
+        writer = cv2.VideoWriter(
+            str(drafts[0]), cv2.VideoWriter.fourcc(*CODECS[video.suffix]), rate_hz, size
+        )
         if not writer.isOpened():
             drafts[1].unlink()
-            raise ConfigError(f"--video {video}: cannot be written; is the folder there and writable?")
+            raise ConfigError(
+                f"--video {video}: cannot be written; is the folder there and writable?"
+            )
         rows = csv.writer(file)
         rows.writerow(["frame", "t_s", "angle_rad"])
         for frame, _, angle_rad, picture in bench.synthetic_video(experiment, seconds):

@@ -14,12 +14,24 @@ from rig.ui.cli.output import out, print_json, print_summary
 
 
 def analyze(
-    name: Annotated[str, typer.Argument(metavar="RUN", help="Run folder, .mcap file, part of a run's id, or `last`.")],
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="RUN", help="Run folder, .mcap file, part of a run's id, or `last`."
+        ),
+    ],
     csv_file: Annotated[
-        Path | None, typer.Option("--csv", help="Write the swing: t_s, angle_rad, sigma_rad, fit_rad, truth_rad.")
+        Path | None,
+        typer.Option(
+            "--csv", help="Write the swing: t_s, angle_rad, sigma_rad, fit_rad, truth_rad."
+        ),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")] = False,
-    report: Annotated[bool, typer.Option("--report", help="Write report.html beside the log again.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")
+    ] = False,
+    report: Annotated[
+        bool, typer.Option("--report", help="Write report.html beside the log again.")
+    ] = False,
     runs: Annotated[Path, typer.Option(help="Where run folders are.")] = Path("runs"),
 ) -> int:
     """Take swing, frequency, damping, latency and the ledger from a log, complete or cut short."""
@@ -49,7 +61,15 @@ def _write_csv(analysis: Analysis, path: Path) -> None:
         for k, instant in enumerate(t):
             in_fit = fitted is not None and instant >= analysis.run.t_settled_s
             true = _true_angle(instant, truth) if truth.size else ""
-            rows.writerow([f"{instant:.9f}", angle[k], sigma[k], fitted[k] if fitted is not None and in_fit else "", true])
+            rows.writerow(
+                [
+                    f"{instant:.9f}",
+                    angle[k],
+                    sigma[k],
+                    fitted[k] if fitted is not None and in_fit else "",
+                    true,
+                ]
+            )
 
 
 def _true_angle(t_s: float, truth: object) -> float | str:

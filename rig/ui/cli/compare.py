@@ -49,10 +49,22 @@ LEGEND = (
 
 
 def compare(
-    table: Annotated[str, typer.Argument(help="3.1 to 3.8, 4.1 to 4.7, several with commas; 3, 4 or all; or sensitivity.")],
-    csv_file: Annotated[Path | None, typer.Option("--csv", help="Write one line for each figure.")] = None,
-    plot: Annotated[Path | None, typer.Option(help="With sensitivity: the file to draw into; default sensitivity.svg.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")] = False,
+    table: Annotated[
+        str,
+        typer.Argument(
+            help="3.1 to 3.8, 4.1 to 4.7, several with commas; 3, 4 or all; or sensitivity."
+        ),
+    ],
+    csv_file: Annotated[
+        Path | None, typer.Option("--csv", help="Write one line for each figure.")
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(help="With sensitivity: the file to draw into; default sensitivity.svg."),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")
+    ] = False,
 ) -> int:
     """Show published figures, ours in the source's definitions and exactly, and both computation times.
 
@@ -61,7 +73,9 @@ def compare(
     if table == "sensitivity":
         return _sensitivity(plot, csv_file, as_json)
     if plot is not None:
-        raise ConfigError(f"--plot {plot} with table {table}; must be with sensitivity: leave it out")
+        raise ConfigError(
+            f"--plot {plot} with table {table}; must be with sensitivity: leave it out"
+        )
     names = _tables(table)
     if csv_file is not None:
         check_folder("--csv", csv_file)
@@ -121,7 +135,10 @@ def _print(name: str, comparisons: Sequence[Comparison]) -> None:
     page.print(f"Table {name}: {load}, 0.2 m from rest to rest", style="italic")
     page.print(_glossary(comparisons), style="dim")
     wide = _wide(comparisons, labels)
-    if Measurement.get(Console(width=WIDTH), page.options.update(width=WIDTH), wide).maximum <= page.width:
+    if (
+        Measurement.get(Console(width=WIDTH), page.options.update(width=WIDTH), wide).maximum
+        <= page.width
+    ):
         page.print(wide)
     else:
         for c, label in zip(comparisons, labels, strict=True):
@@ -132,7 +149,8 @@ def _print(name: str, comparisons: Sequence[Comparison]) -> None:
         if not c.as_expected:
             found, named = (", ".join(columns) or "nothing" for columns in (c.off, c.row.off))
             page.print(
-                f"{c.row.technique} in {c.row.time_s:g} s: {found} differs, not {named} {c.refused}".rstrip(), style="bold red"
+                f"{c.row.technique} in {c.row.time_s:g} s: {found} differs, not {named} {c.refused}".rstrip(),
+                style="bold red",
             )
     page.print()
 
@@ -140,7 +158,9 @@ def _print(name: str, comparisons: Sequence[Comparison]) -> None:
 def _page() -> Console:
     """As wide as the terminal or COLUMNS says; a file takes the widest table."""
     known = sys.stdout.isatty() or "COLUMNS" in os.environ
-    return Console(width=shutil.get_terminal_size().columns if known else WIDTH, highlight=False, markup=False)
+    return Console(
+        width=shutil.get_terminal_size().columns if known else WIDTH, highlight=False, markup=False
+    )
 
 
 def _glossary(comparisons: Sequence[Comparison]) -> str:
@@ -165,8 +185,12 @@ def _wide(comparisons: Sequence[Comparison], labels: Sequence[Text]) -> Table:
     for header in (*map(_header, comparisons[0].row.columns), "planned in"):
         view.add_column(header, justify="right", no_wrap=True)
     for c, label in zip(comparisons, labels, strict=True):
-        published, ours, exact = zip(*map(_three, [c] * len(c.row.columns), c.row.columns), strict=True)
-        view.add_row(c.row.technique, f"{c.row.time_s:g}", "published", *published, _time(c.row.compute_s))
+        published, ours, exact = zip(
+            *map(_three, [c] * len(c.row.columns), c.row.columns), strict=True
+        )
+        view.add_row(
+            c.row.technique, f"{c.row.time_s:g}", "published", *published, _time(c.row.compute_s)
+        )
         view.add_row(label, "", "ours", *ours, _time(c.compute_s))
         view.add_row("", "", "exact", *exact, end_section=True)
     return view
@@ -222,7 +246,11 @@ def _summary(every: Sequence[Comparison]) -> str:
     verdicts = Counter(str(c.row.verdict) for c in every)
     counts = ", ".join(f"{verdicts[verdict]} {verdict}" for verdict in STYLE if verdicts[verdict])
     refused = sum(bool(c.refused) for c in every)
-    dashes = f"; {refused} of the dashes are moves too short for their shaper, which ours refuses too" if refused else ""
+    dashes = (
+        f"; {refused} of the dashes are moves too short for their shaper, which ours refuses too"
+        if refused
+        else ""
+    )
     alike = f": {verdicts['reproduced'] + refused} rows come out as printed" if refused else ""
     return f"{len(every)} rows: {counts}{dashes}{alike}"
 
@@ -260,7 +288,17 @@ def _entry(c: Comparison, column: str) -> dict[str, float | bool | None]:
 
 
 def _write_csv(every: Iterable[Comparison], path: Path) -> None:
-    head = ("table", "technique", "planner", "input", "robust", "time_s", "verdict", "published_compute_s", "compute_s")
+    head = (
+        "table",
+        "technique",
+        "planner",
+        "input",
+        "robust",
+        "time_s",
+        "verdict",
+        "published_compute_s",
+        "compute_s",
+    )
     figure = ("published", "ours", "exact", "relative_error", "tolerance", "differs")
     with path.open("w", newline="") as file:
         lines = csv.writer(file)
@@ -269,5 +307,11 @@ def _write_csv(every: Iterable[Comparison], path: Path) -> None:
             document = _document(c)
             for column in c.row.columns:
                 entry = _entry(c, column)
-                values = [*(document[key] for key in head), column, *(entry[key] for key in figure), c.reason, c.sampling]
+                values = [
+                    *(document[key] for key in head),
+                    column,
+                    *(entry[key] for key in figure),
+                    c.reason,
+                    c.sampling,
+                ]
                 lines.writerow(["" if value is None else value for value in values])

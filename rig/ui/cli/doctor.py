@@ -20,7 +20,9 @@ COLOUR = {"ok": "green", "warning": "yellow", "failed": "red"}
 def doctor(
     runs: Annotated[Path, typer.Option(help="Where run folders go.")] = Path("runs"),
     base_port: Annotated[int, typer.Option(help="First port to look at; 0 = any free ports.")] = 0,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")
+    ] = False,
 ) -> int:
     """Check ports, disk, versions, timer, and that the packages imported are this program's; exit 3 when a run would fail."""
     with err.status("looking at ports, disk, versions and one second of timer"):
@@ -31,7 +33,12 @@ def doctor(
         return REFUSED if failed else 0
     table = Table(show_header=False)
     for check in checks:
-        table.add_row(Text(check.status, style=COLOUR[check.status]), check.name, check.found, check.advice)
+        table.add_row(
+            Text(check.status, style=COLOUR[check.status]), check.name, check.found, check.advice
+        )
     out.print(table)
-    out.print("a run would fail" if failed else "ready to run: `rig run`", style="red" if failed else "green")
+    out.print(
+        "a run would fail" if failed else "ready to run: `rig run`",
+        style="red" if failed else "green",
+    )
     return REFUSED if failed else 0

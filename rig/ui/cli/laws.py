@@ -55,7 +55,9 @@ Json = Annotated[bool, typer.Option("--json", help="One JSON document on stdout,
 @app.callback(invoke_without_command=True)
 def laws(
     context: typer.Context,
-    published: Annotated[bool, typer.Option("--published", help="Beside the figures that source 000 prints.")] = False,
+    published: Annotated[
+        bool, typer.Option("--published", help="Beside the figures that source 000 prints.")
+    ] = False,
     as_json: Json = False,
 ) -> int:
     """Motion laws: continuity, peaks and root mean squares, durations that leave no swing.
@@ -64,7 +66,9 @@ def laws(
     """
     if context.invoked_subcommand:
         if published or as_json:
-            raise ConfigError(f"--published or --json before '{context.invoked_subcommand}'; must stand after it: move it")
+            raise ConfigError(
+                f"--published or --json before '{context.invoked_subcommand}'; must stand after it: move it"
+            )
         return 0
     rows = catalogue()
     if as_json:
@@ -80,10 +84,18 @@ def laws(
 def compare(
     distance: Annotated[float, typer.Option(help="Distance in m, not 0.")] = 0.2,
     vmax: Annotated[float, typer.Option(help="Limit on speed in m/s.")] = LimitsSection().speed_m_s,
-    amax: Annotated[float, typer.Option(help="Limit on acceleration in m/s².")] = LimitsSection().acceleration_m_s2,
-    jmax: Annotated[float | None, typer.Option(help="Limit on jerk in m/s³; none unless given.")] = None,
-    smax: Annotated[float | None, typer.Option(help="Limit on snap in m/s⁴; none unless given.")] = None,
-    load_length: Annotated[float, typer.Option(help="Cable of the load in m.")] = ModelSection().cable_m,
+    amax: Annotated[
+        float, typer.Option(help="Limit on acceleration in m/s².")
+    ] = LimitsSection().acceleration_m_s2,
+    jmax: Annotated[
+        float | None, typer.Option(help="Limit on jerk in m/s³; none unless given.")
+    ] = None,
+    smax: Annotated[
+        float | None, typer.Option(help="Limit on snap in m/s⁴; none unless given.")
+    ] = None,
+    load_length: Annotated[
+        float, typer.Option(help="Cable of the load in m.")
+    ] = ModelSection().cable_m,
     as_json: Json = False,
 ) -> int:
     """The least time of every law under limits, the peaks it reaches, and the swing it leaves on a cable."""
@@ -94,15 +106,24 @@ def compare(
         moves = [law_move(name, distance, limits, load) for name in LAWS]
     moves.sort(key=lambda move: move.time_s)
     if as_json:
-        document: dict[str, object] = {"distance_m": distance, **dict(zip(LIMITS, limits, strict=True))}
+        document: dict[str, object] = {
+            "distance_m": distance,
+            **dict(zip(LIMITS, limits, strict=True)),
+        }
         document |= {"load_length_m": load_length, "load_period_s": period_s(load)}
         print_json(document | {"laws": [move._asdict() for move in moves]})
     else:
         kept = [move for move in moves if not move.reason]
-        wide.print(_moves_table(kept, f"{distance:g} m, cable {load_length:g} m with a period of {period_s(load):.4f} s"))
+        wide.print(
+            _moves_table(
+                kept,
+                f"{distance:g} m, cable {load_length:g} m with a period of {period_s(load):.4f} s",
+            )
+        )
         for reason in dict.fromkeys(move.reason for move in moves if move.reason):
             out.print(
-                f"not kept by {', '.join(move.name for move in moves if move.reason == reason)}: {reason}", style="yellow"
+                f"not kept by {', '.join(move.name for move in moves if move.reason == reason)}: {reason}",
+                style="yellow",
             )
         out.print("\n".join(MOVES_LEGEND), style="dim")
     return 0
@@ -110,8 +131,12 @@ def compare(
 
 @app.command()
 def plot(
-    names: Annotated[list[str] | None, typer.Argument(help="Laws to draw over each other; all in rows without.")] = None,
-    path: Annotated[Path, typer.Option("--plot", help="The file to draw into: .svg, .png or .pdf.")] = Path("laws.svg"),
+    names: Annotated[
+        list[str] | None, typer.Argument(help="Laws to draw over each other; all in rows without.")
+    ] = None,
+    path: Annotated[
+        Path, typer.Option("--plot", help="The file to draw into: .svg, .png or .pdf.")
+    ] = Path("laws.svg"),
     as_json: Json = False,
 ) -> int:
     """Position, speed, acceleration, jerk and acceleration spectrum of laws, as a picture."""
@@ -137,13 +162,21 @@ def _check(distance: float, limits: tuple[float, ...]) -> None:
         raise ConfigError(f"--distance {distance}; must be finite and not 0: give the way in m")
     for option, value in zip(("--vmax", "--amax", "--jmax", "--smax"), limits, strict=True):
         if not value > 0.0:
-            raise ConfigError(f"{option} {value}; must be > 0: give the size of the limit, or leave it out")
+            raise ConfigError(
+                f"{option} {value}; must be > 0: give the size of the limit, or leave it out"
+            )
     if not any(map(math.isfinite, limits)):
-        raise ConfigError("--vmax inf --amax inf; one limit at least must be finite: the least time would be 0 s")
+        raise ConfigError(
+            "--vmax inf --amax inf; one limit at least must be finite: the least time would be 0 s"
+        )
 
 
 def _row(row: Coefficients, published: bool) -> dict[str, Any]:
-    plain: dict[str, Any] = {"name": row.name, **{key: getattr(row, key) for key in FIGURES}, "continuity": row.continuity}
+    plain: dict[str, Any] = {
+        "name": row.name,
+        **{key: getattr(row, key) for key in FIGURES},
+        "continuity": row.continuity,
+    }
     if published:
         source = PUBLISHED.get(row.name)
         plain["published"] = dict(zip(FIGURES, source.figures, strict=True)) if source else None
@@ -157,10 +190,14 @@ def _print_catalogue(rows: list[Coefficients]) -> None:
         free = [swing_free_cycles(LAWS[row.name](1.0), CYCLES)[:SHOWN] for row in rows]
     view = Table(title="Motion laws from rest to rest", **PLAIN)
     for header in ("law", "class", *HEADERS, "no swing at T/Tn"):
-        view.add_column(header, justify="left" if header in ("law", "class") else "right", no_wrap=True)
+        view.add_column(
+            header, justify="left" if header in ("law", "class") else "right", no_wrap=True
+        )
     for row, zeros in zip(rows, free, strict=True):
         figures = (f"{getattr(row, key):.6f}" for key in FIGURES)
-        view.add_row(row.name, row.continuity, *figures, "  ".join(f"{zero:.4f}" for zero in zeros.tolist()))
+        view.add_row(
+            row.name, row.continuity, *figures, "  ".join(f"{zero:.4f}" for zero in zeros.tolist())
+        )
     wide.print(view)
     out.print("\n".join(LEGEND), style="dim")
 
@@ -178,7 +215,9 @@ def _print_published(rows: list[Coefficients]) -> None:
             for key, figure in zip(FIGURES, source.figures, strict=True)
         )
         view.add_row(row.name, "printed", *printed, source.reason)
-        view.add_row("", "right", *(f"{getattr(row, key):.6f} " for key in FIGURES), "", end_section=True)
+        view.add_row(
+            "", "right", *(f"{getattr(row, key):.6f} " for key in FIGURES), "", end_section=True
+        )
     wide.print(view)
     absent = ", ".join(name for name in LAWS if name not in PUBLISHED)
     out.print(f"≠: more than rounding off. Not in its table: {absent}.", style="dim")

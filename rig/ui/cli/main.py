@@ -13,7 +13,22 @@ from planners.errors import PlanError
 from rig.analysis.identify.errors import AnalysisError
 from rig.drives.servo.errors import ServoError
 from rig.errors import BAD_DATA, EXIT_STATUS, REFUSED, USAGE, RigError
-from rig.ui.cli import analyze, calibrate, compare, doctor, laws, motor_check, plan, run, servo, sim, size, spline, stop, track
+from rig.ui.cli import (
+    analyze,
+    calibrate,
+    compare,
+    doctor,
+    laws,
+    motor_check,
+    plan,
+    run,
+    servo,
+    sim,
+    size,
+    spline,
+    stop,
+    track,
+)
 from rig.ui.cli.output import print_json
 from vision.errors import VisionError
 
@@ -45,7 +60,10 @@ def _tell_version(asked: bool) -> None:
 @app.callback()
 def _options(
     show_version: Annotated[
-        bool, typer.Option("--version", callback=_tell_version, is_eager=True, help="Print the version and leave.")
+        bool,
+        typer.Option(
+            "--version", callback=_tell_version, is_eager=True, help="Print the version and leave."
+        ),
     ] = False,
 ) -> None:
     """Options of the program itself."""
@@ -72,15 +90,23 @@ def main() -> None:
     try:
         app()
     except SystemExit as leaving:
-        if leaving.code == USAGE and "--json" in sys.argv[1:]:  # the usage itself was told on stderr
-            print_json(_refusal("the command line cannot be understood; see standard error, or --help", USAGE))
+        if (
+            leaving.code == USAGE and "--json" in sys.argv[1:]
+        ):  # the usage itself was told on stderr
+            print_json(
+                _refusal(
+                    "the command line cannot be understood; see standard error, or --help", USAGE
+                )
+            )
         raise
     except KNOWN as error:
         sys.exit(_fail(str(error), _exit_code(error)))
     except OSError as error:
         code = (
             USAGE
-            if isinstance(error, FileNotFoundError | PermissionError | NotADirectoryError | IsADirectoryError)
+            if isinstance(
+                error, FileNotFoundError | PermissionError | NotADirectoryError | IsADirectoryError
+            )
             else REFUSED
         )
         hint = "name another place" if code == USAGE else "make room or name another place"
@@ -96,7 +122,12 @@ def _exit_code(error: Exception) -> int:
 
 
 def _refusal(message: str, code: int) -> dict[str, object]:
-    return {"exit_status": EXIT_STATUS[code], "exit_code": code, "verdict": "bad", "reasons": [message]}
+    return {
+        "exit_status": EXIT_STATUS[code],
+        "exit_code": code,
+        "verdict": "bad",
+        "reasons": [message],
+    }
 
 
 def _fail(message: str, code: int) -> int:

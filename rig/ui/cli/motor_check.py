@@ -17,7 +17,12 @@ from rig.studies.sizing.motor_task import EXAMPLES, MotorTask, example_tables, t
 from rig.ui.cli.output import out, print_json, wide
 
 UNITS = {"torque": "N m", "thermal": "N m", "speed": "rad/s", "power": "W"}
-TITLES = {"torque": "the peak torque", "thermal": "the rms torque", "speed": "the speed", "power": "the power"}
+TITLES = {
+    "torque": "the peak torque",
+    "thermal": "the rms torque",
+    "speed": "the speed",
+    "power": "the power",
+}
 LAST_DIGITS = 1e-5  # share by which rounding to the printed digits may change a figure
 NEEDED = {  # without a file: the option that gives the key
     ("motor", "continuous_torque_n_m"): "--continuous-torque",
@@ -31,40 +36,80 @@ NEEDED = {  # without a file: the option that gives the key
 def motor_check(
     file: Annotated[
         Path | None,
-        typer.Argument(help="TOML with the sections motor, drivetrain and motion; options win over it.", metavar="TASK.toml"),
+        typer.Argument(
+            help="TOML with the sections motor, drivetrain and motion; options win over it.",
+            metavar="TASK.toml",
+        ),
     ] = None,
     example: Annotated[
-        str | None, typer.Option(help=f"A worked task of source 000 instead of a file: {' or '.join(EXAMPLES)}.")
+        str | None,
+        typer.Option(
+            help=f"A worked task of source 000 instead of a file: {' or '.join(EXAMPLES)}."
+        ),
     ] = None,
     continuous_torque: Annotated[float | None, typer.Option(help="Of the motor in N m.")] = None,
     peak_torque: Annotated[float | None, typer.Option(help="Of the motor in N m.")] = None,
     max_speed: Annotated[float | None, typer.Option(help="Of the motor in rad/s.")] = None,
-    peak_power: Annotated[float | None, typer.Option(help="Of the motor in W; no limit unless given.")] = None,
-    motor_inertia: Annotated[float | None, typer.Option(help="Of the rotor in kg m².")] = None,
-    load_inertia: Annotated[float | None, typer.Option(help="About the output shaft in kg m²; 0 unless given.")] = None,
-    motor_friction: Annotated[float | None, typer.Option(help="At the rotor in N m s/rad; 0 unless given.")] = None,
-    load_friction: Annotated[float | None, typer.Option(help="At the output shaft in N m s/rad; 0 unless given.")] = None,
-    gear_ratio: Annotated[
-        float | None, typer.Option(help="Turns of the motor for one of the output shaft; 1 unless given.")
+    peak_power: Annotated[
+        float | None, typer.Option(help="Of the motor in W; no limit unless given.")
     ] = None,
-    radius: Annotated[float | None, typer.Option(help="With --distance: what it rolls off in m (a screw: lead / 2π).")] = None,
-    law: Annotated[str | None, typer.Option(help=f"One of {', '.join(LAWS)}; cycloidal unless given.")] = None,
-    angle: Annotated[float | None, typer.Option(help="Of the output shaft in rad; or --distance.")] = None,
+    motor_inertia: Annotated[float | None, typer.Option(help="Of the rotor in kg m².")] = None,
+    load_inertia: Annotated[
+        float | None, typer.Option(help="About the output shaft in kg m²; 0 unless given.")
+    ] = None,
+    motor_friction: Annotated[
+        float | None, typer.Option(help="At the rotor in N m s/rad; 0 unless given.")
+    ] = None,
+    load_friction: Annotated[
+        float | None, typer.Option(help="At the output shaft in N m s/rad; 0 unless given.")
+    ] = None,
+    gear_ratio: Annotated[
+        float | None,
+        typer.Option(help="Turns of the motor for one of the output shaft; 1 unless given."),
+    ] = None,
+    radius: Annotated[
+        float | None,
+        typer.Option(help="With --distance: what it rolls off in m (a screw: lead / 2π)."),
+    ] = None,
+    law: Annotated[
+        str | None, typer.Option(help=f"One of {', '.join(LAWS)}; cycloidal unless given.")
+    ] = None,
+    angle: Annotated[
+        float | None, typer.Option(help="Of the output shaft in rad; or --distance.")
+    ] = None,
     distance: Annotated[float | None, typer.Option(help="In m, with --radius; or --angle.")] = None,
     time: Annotated[float | None, typer.Option(help="Of the motion in s.")] = None,
     acceleration: Annotated[
-        float | None, typer.Option(help="With --law trapezoidal, in rad/s² or m/s² like the way; ramps of T/3 unless given.")
+        float | None,
+        typer.Option(
+            help="With --law trapezoidal, in rad/s² or m/s² like the way; ramps of T/3 unless given."
+        ),
     ] = None,
-    rest: Annotated[float | None, typer.Option(help="Standstill after each motion in s; 0 unless given.")] = None,
+    rest: Annotated[
+        float | None, typer.Option(help="Standstill after each motion in s; 0 unless given.")
+    ] = None,
     plot: Annotated[
-        Path | None, typer.Option(help="Draw the motion in the torque-speed plane, and its torque: .svg, .png or .pdf.")
+        Path | None,
+        typer.Option(
+            help="Draw the motion in the torque-speed plane, and its torque: .svg, .png or .pdf."
+        ),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")
+    ] = False,
 ) -> int:
     """Check torque, heat, speed and power of a motor that repeats a motion, with margins; exit 3 when it cannot."""
     if file is not None and example is not None:
-        raise ConfigError(f"--example {example} with file '{file}'; must be one of the two: leave one out")
-    tables = read_toml(file, "motor task") if file is not None else example_tables(example) if example is not None else {}
+        raise ConfigError(
+            f"--example {example} with file '{file}'; must be one of the two: leave one out"
+        )
+    tables = (
+        read_toml(file, "motor task")
+        if file is not None
+        else example_tables(example)
+        if example is not None
+        else {}
+    )
     linear = distance is not None or (angle is None and "distance_m" in _table(tables, "motion"))
     changes: dict[str, dict[str, Any]] = {
         "motor": {
@@ -114,12 +159,17 @@ def _table(tables: dict[str, Any], name: str) -> dict[str, Any]:
 
 def _merge(tables: dict[str, Any], changes: dict[str, dict[str, Any]]) -> set[str]:
     """Options that were given win over the file; the sections they changed. ConfigError for a key that neither has."""
-    given = {name: {key: value for key, value in rows.items() if value is not None} for name, rows in changes.items()}
+    given = {
+        name: {key: value for key, value in rows.items() if value is not None}
+        for name, rows in changes.items()
+    }
     for name, rows in given.items():
         _table(tables, name).update(rows)
     for (name, key), option in NEEDED.items():
         if isinstance(tables[name], dict) and key not in tables[name]:
-            raise ConfigError(f"[{name}] {key}: missing; add it to the file, give {option}, or look at --example 1")
+            raise ConfigError(
+                f"[{name}] {key}: missing; add it to the file, give {option}, or look at --example 1"
+            )
     return {name for name, rows in given.items() if rows}
 
 
@@ -168,19 +218,46 @@ def _document(task: MotorTask, v: Verdict) -> dict[str, object]:
 
 def _print(task: MotorTask, v: Verdict) -> None:
     m, need, printed = task.motor, v.effort, task.published
-    way = f"{task.motion.distance_m:g} m" if task.motion.distance_m is not None else f"{task.motion.distance_rad:g} rad"
+    way = (
+        f"{task.motion.distance_m:g} m"
+        if task.motion.distance_m is not None
+        else f"{task.motion.distance_rad:g} rad"
+    )
     rest = f", {task.motion.rest_s:g} s of rest" if task.motion.rest_s else ""
-    view = Table(title=f"{task.motion.law}: {way} in {need.duration_s:g} s{rest}", title_justify="left")
-    for name in ("", "needed", "at", "allowed", "margin", *(["source prints"] if task.has_figures else [])):
+    view = Table(
+        title=f"{task.motion.law}: {way} in {need.duration_s:g} s{rest}", title_justify="left"
+    )
+    for name in (
+        "",
+        "needed",
+        "at",
+        "allowed",
+        "margin",
+        *(["source prints"] if task.has_figures else []),
+    ):
         view.add_column(name, justify="right" if name else "left", no_wrap=True)
     rows = (
         ("torque, peak", need.peak_torque_n_m, m.peak_torque_n_m, "torque", None),
-        ("torque, rms", v.cycle_torque_n_m, m.continuous_torque_n_m, "thermal", printed.rms_torque_n_m),
-        ("speed, peak", need.peak_speed_rad_s, m.max_speed_rad_s, "speed", printed.peak_speed_rad_s),
+        (
+            "torque, rms",
+            v.cycle_torque_n_m,
+            m.continuous_torque_n_m,
+            "thermal",
+            printed.rms_torque_n_m,
+        ),
+        (
+            "speed, peak",
+            need.peak_speed_rad_s,
+            m.max_speed_rad_s,
+            "speed",
+            printed.peak_speed_rad_s,
+        ),
         ("power, peak", need.peak_power_w, m.peak_power_w, "power", None),
     )
     for title, value, bound, name, figure in rows:
-        number, at = (value, "cycle") if isinstance(value, float) else (value.value, f"{value.t_s:.4g} s")
+        number, at = (
+            (value, "cycle") if isinstance(value, float) else (value.value, f"{value.t_s:.4g} s")
+        )
         unit, margin = UNITS[name], v.margins[name]
         room = (f"{bound:g} {unit}", f"{margin:+.2%}") if math.isfinite(bound) else ("any", "")
         style = "red" if margin < -TOLERANCE else ""
@@ -188,13 +265,18 @@ def _print(task: MotorTask, v: Verdict) -> None:
         view.add_row(title, f"{number:.6g} {unit}", at, *room, *source, style=style)
     wide.print(view)
     d = task.drivetrain
-    out.print(f"at the motor's shaft: inertia {d.inertia_kg_m2:.6g} kg m², friction {d.friction_n_m_s_rad:.6g} N m s/rad")
+    out.print(
+        f"at the motor's shaft: inertia {d.inertia_kg_m2:.6g} kg m², friction {d.friction_n_m_s_rad:.6g} N m s/rad"
+    )
     if printed.reason:
         out.print(f"≠ {printed.reason}", style="dim")
     for reason in _reasons(task, v):
         out.print(f"  - {reason}")
     tightest = f"tightest is {TITLES[v.tightest]}, {v.margins[v.tightest]:+.2%}"
-    out.print(f"verdict: {'feasible' if v.feasible else 'not feasible'}; {tightest}", style="green" if v.feasible else "red")
+    out.print(
+        f"verdict: {'feasible' if v.feasible else 'not feasible'}; {tightest}",
+        style="green" if v.feasible else "red",
+    )
 
 
 def _figure(printed: float | None, right: float) -> str:

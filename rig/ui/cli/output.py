@@ -28,7 +28,9 @@ class _Pipe(Console):
 
 
 out = _Pipe(highlight=False, soft_wrap=True, markup=False)
-wide = _Pipe(width=140, highlight=False, markup=False)  # for tables that a narrower terminal may wrap, not cut
+wide = _Pipe(
+    width=140, highlight=False, markup=False
+)  # for tables that a narrower terminal may wrap, not cut
 err = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
 
 PLAIN: Any = {"title_justify": "left", "box": None, "padding": (0, 2, 0, 0)}
@@ -83,7 +85,9 @@ def print_summary(s: Summary) -> None:
         out.print(_ledger(s.links))
     for event in s.events:
         out.print(event, style="dim")
-    out.print(f"verdict: {s.verdict} ({s.exit_status}, {s.mode})", style=f"{COLOUR[s.verdict]} bold")
+    out.print(
+        f"verdict: {s.verdict} ({s.exit_status}, {s.mode})", style=f"{COLOUR[s.verdict]} bold"
+    )
     for reason in s.reasons:
         out.print(f"  - {reason}")
 
@@ -117,7 +121,11 @@ def _delays(s: Summary) -> str:
             f"processors: {sum(s.cpu_share.values()):.0%} of one core ({shares}); real-time: {', '.join(fifo) or 'none'}"
         )
     if error.outside_move_rad is not None:
-        inside = f"{error.during_move_rad * 1e3:.3f} mrad rms in the move, " if error.during_move_rad is not None else ""
+        inside = (
+            f"{error.during_move_rad * 1e3:.3f} mrad rms in the move, "
+            if error.during_move_rad is not None
+            else ""
+        )
         words.append(
             f"measured minus true swing: {inside}{error.outside_move_rad * 1e3:.3f} mrad rms {'outside' if inside else ''}"
         )
@@ -129,11 +137,21 @@ def _ms(value: float | None) -> str:
 
 
 def _ledger(links: dict[str, LinkSummary]) -> Table:
-    table = Table(title="ledger: sent = delivered + lost + rejected + ? (unexplained)", title_justify="left")
+    table = Table(
+        title="ledger: sent = delivered + lost + rejected + ? (unexplained)", title_justify="left"
+    )
     for name in ("link", "sent", "delivered", "lost", "rejected", "twice", "late", "?"):
         table.add_column(name, justify="left" if name == "link" else "right", no_wrap=True)
     for name, row in links.items():
         rejected = ", ".join(f"{reason} {n}" for reason, n in sorted(row.rejected.items())) or "0"
-        cells = (row.sent, row.delivered, row.lost, rejected, row.duplicated, row.late, row.unexplained)
+        cells = (
+            row.sent,
+            row.delivered,
+            row.lost,
+            rejected,
+            row.duplicated,
+            row.late,
+            row.unexplained,
+        )
         table.add_row(name, *map(str, cells))
     return table

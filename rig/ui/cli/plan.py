@@ -27,63 +27,105 @@ SAMPLE_S = 0.01
 
 
 def plan(
-    planner: Annotated[str, typer.Option(help=f"One of: {', '.join(catalog.PLANNERS)}.")] = "matrix_exponential",
+    planner: Annotated[
+        str, typer.Option(help=f"One of: {', '.join(catalog.PLANNERS)}.")
+    ] = "matrix_exponential",
     distance: Annotated[float, typer.Option(help="Distance in m.")] = 0.2,
     time: Annotated[float, typer.Option(help="Time of the move in s.")] = 1.5,
-    length: Annotated[float | None, typer.Option(help="Believed cable length in m; 1 without --links.")] = None,
-    damping: Annotated[float, typer.Option(help="Believed damping ratio of every mode, a fraction of critical.")] = 0.0,
-    model: Annotated[str, typer.Option(help=f"What moves the platform: {', '.join(INPUTS)}.")] = "acceleration",
+    length: Annotated[
+        float | None, typer.Option(help="Believed cable length in m; 1 without --links.")
+    ] = None,
+    damping: Annotated[
+        float, typer.Option(help="Believed damping ratio of every mode, a fraction of critical.")
+    ] = 0.0,
+    model: Annotated[
+        str, typer.Option(help=f"What moves the platform: {', '.join(INPUTS)}.")
+    ] = "acceleration",
     robust: Annotated[
         list[str] | None,
-        typer.Option(help="Parameter whose error to forgive, e.g. length, length_1, stiffness_1; repeat, or commas."),
+        typer.Option(
+            help="Parameter whose error to forgive, e.g. length, length_1, stiffness_1; repeat, or commas."
+        ),
     ] = None,
     links: Annotated[
         str | None,
-        typer.Option(help="A chain instead of a cable: length:mass:kind in m and kg, e.g. 0.5:3.375:bar,0.5:3.375:bar."),
+        typer.Option(
+            help="A chain instead of a cable: length:mass:kind in m and kg, e.g. 0.5:3.375:bar,0.5:3.375:bar."
+        ),
     ] = None,
     stiffness: Annotated[
         str | None,
         typer.Option(help="Of each joint between links in N m/rad, with commas; 0 unless given."),
     ] = None,
     joint_damping: Annotated[
-        str | None, typer.Option(help="Of each joint between links in N m s/rad, with commas; 0 unless given.")
+        str | None,
+        typer.Option(help="Of each joint between links in N m s/rad, with commas; 0 unless given."),
     ] = None,
     tip_mass: Annotated[float, typer.Option(help="At the end of the chain in kg.")] = 0.0,
     mass: Annotated[
-        float | None, typer.Option(help="Of the load on a cable in kg, 0.7 unless given; matters with --model force.")
+        float | None,
+        typer.Option(
+            help="Of the load on a cable in kg, 0.7 unless given; matters with --model force."
+        ),
     ] = None,
     cart_mass: Annotated[
         float, typer.Option(help="Of the platform in kg; matters with --model force.")
     ] = ModelSection().cart_mass_kg,
-    law: Annotated[str, typer.Option(help=f"Motion law that a shaper shapes: {', '.join(LAWS)}.")] = "harmonic",
-    nonlinear: Annotated[bool, typer.Option("--nonlinear", help="Plan for the true pendulum, not for small swings.")] = False,
+    law: Annotated[
+        str, typer.Option(help=f"Motion law that a shaper shapes: {', '.join(LAWS)}.")
+    ] = "harmonic",
+    nonlinear: Annotated[
+        bool, typer.Option("--nonlinear", help="Plan for the true pendulum, not for small swings.")
+    ] = False,
     start: Annotated[
-        list[str] | None, typer.Option(help="State that is not at rest at the start, e.g. angle_rad=0.05; repeat.")
+        list[str] | None,
+        typer.Option(help="State that is not at rest at the start, e.g. angle_rad=0.05; repeat."),
     ] = None,
     goal: Annotated[list[str] | None, typer.Option(help="The same for the end.")] = None,
     weight: Annotated[
-        list[str] | None, typer.Option(help="Weight of a squared state, the input's being 1: e.g. angle_rad=50; repeat.")
+        list[str] | None,
+        typer.Option(
+            help="Weight of a squared state, the input's being 1: e.g. angle_rad=50; repeat."
+        ),
     ] = None,
-    speed_limit: Annotated[float, typer.Option(help="Limit on speed in m/s.")] = LimitsSection().speed_m_s,
+    speed_limit: Annotated[
+        float, typer.Option(help="Limit on speed in m/s.")
+    ] = LimitsSection().speed_m_s,
     acceleration_limit: Annotated[
         float, typer.Option(help="Limit on acceleration in m/s².")
     ] = LimitsSection().acceleration_m_s2,
     lag: Annotated[float, typer.Option(help="Time constant of --model jerk in s.")] = LAG_S,
-    csv_file: Annotated[Path | None, typer.Option("--csv", help="Write t, x, v, a every 10 ms.")] = None,
-    plot: Annotated[Path | None, typer.Option(help="Draw the move and the swing it makes: .svg, .png or .pdf.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")] = False,
+    csv_file: Annotated[
+        Path | None, typer.Option("--csv", help="Write t, x, v, a every 10 ms.")
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="Draw the move and the swing it makes: .svg, .png or .pdf.")
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")
+    ] = False,
 ) -> int:
     """Plan a move along X and say what it asks for and what swing it leaves; exit 3 when it leaves the limits."""
-    for option, text in (("--links", links), ("--stiffness", stiffness), ("--joint-damping", joint_damping)):
+    for option, text in (
+        ("--links", links),
+        ("--stiffness", stiffness),
+        ("--joint-damping", joint_damping),
+    ):
         if text is not None and not text.strip():
             raise ConfigError(f"{option} is empty; must name something: leave the option out")
     if links is not None and length is not None:
-        raise ConfigError(f"--length {length:g} with --links {links}; must be one of the two: leave one out")
+        raise ConfigError(
+            f"--length {length:g} with --links {links}; must be one of the two: leave one out"
+        )
     if links is not None and mass is not None:
-        raise ConfigError(f"--mass {mass:g} with --links {links}; must be one of the two: each link names its own mass")
+        raise ConfigError(
+            f"--mass {mass:g} with --links {links}; must be one of the two: each link names its own mass"
+        )
     forgiven = [name.strip() for text in robust or () for name in text.split(",")]
     if not all(forgiven) or len(set(forgiven)) < len(forgiven):
-        raise ConfigError(f"--robust {', '.join(robust or [])!r}; must name each parameter once: e.g. --robust length")
+        raise ConfigError(
+            f"--robust {', '.join(robust or [])!r}; must name each parameter once: e.g. --robust length"
+        )
     if plot is not None:
         picture_file.check(plot)
     if csv_file is not None:
@@ -132,7 +174,9 @@ def _numbers(option: str, text: str | None) -> list[float]:
     try:
         return [float(word) for word in (text or "").split(",") if word.strip()]
     except ValueError:
-        raise ConfigError(f"{option} {text!r}; must be numbers with commas, one for each joint: e.g. {option} 10,10") from None
+        raise ConfigError(
+            f"{option} {text!r}; must be numbers with commas, one for each joint: e.g. {option} 10,10"
+        ) from None
 
 
 def _states(option: str, texts: list[str]) -> dict[str, float]:
@@ -144,7 +188,9 @@ def _states(option: str, texts: list[str]) -> dict[str, float]:
         try:
             states[name.strip()] = float(value)
         except ValueError:
-            raise ConfigError(f"{option} {text!r}; must be state=value: e.g. {option} angle_rad=0.05") from None
+            raise ConfigError(
+                f"{option} {text!r}; must be state=value: e.g. {option} angle_rad=0.05"
+            ) from None
     return states
 
 
@@ -166,21 +212,32 @@ def _document(made: Plan) -> dict[str, object]:
 def _table(made: Plan) -> Table:
     p, m = made.problem, made.metrics
     n, cart = p.model.links_count, cart_of(p.input)
-    load = f"{n} links" if isinstance(p.model, ChainModel) else f"cable {p.model.parameters['length']:g} m"
+    load = (
+        f"{n} links"
+        if isinstance(p.model, ChainModel)
+        else f"cable {p.model.parameters['length']:g} m"
+    )
     robust = f", robust to {', '.join(p.robust)}" if p.robust else ""
     robust += ", nonlinear" if p.nonlinear else ""
     table = Table(
-        title=f"{made.planner}: {p.distance_m:g} m in {p.time_s:g} s, {load}, {p.input} input{robust}", title_justify="left"
+        title=f"{made.planner}: {p.distance_m:g} m in {p.time_s:g} s, {load}, {p.input} input{robust}",
+        title_justify="left",
     )
     table.add_column("")
     table.add_column("", justify="right")
     rows = (
-        (f"modes, platform {cart}", ", ".join(f"{hz:.4f} Hz" for hz in p.model.modes(cart).natural_frequencies_hz)),
+        (
+            f"modes, platform {cart}",
+            ", ".join(f"{hz:.4f} Hz" for hz in p.model.modes(cart).natural_frequencies_hz),
+        ),
         ("peak swing, nonlinear load", f"{m.peak_swing_rad * 1e3:.3f} mrad"),
         ("residual swing, small swings", f"{m.residual_swing_rad * 1e3:.3g} mrad"),
         ("residual swing, nonlinear load", f"{m.residual_swing_nonlinear_rad * 1e3:.3g} mrad"),
         ("peak / rms speed", f"{m.peak_speed_m_s:.4f} / {m.rms_speed_m_s:.4f} m/s"),
-        ("peak / rms acceleration", f"{m.peak_acceleration_m_s2:.4f} / {m.rms_acceleration_m_s2:.4f} m/s²"),
+        (
+            "peak / rms acceleration",
+            f"{m.peak_acceleration_m_s2:.4f} / {m.rms_acceleration_m_s2:.4f} m/s²",
+        ),
         ("travel", f"{m.travel_m:.4f} m"),
         ("acceleration continuous", "yes" if m.acceleration_continuous else "no"),
         ("computed in", f"{(made.compute_s or 0) * 1e3:.2f} ms"),

@@ -25,26 +25,43 @@ RUNS = Path("runs")
 
 
 def run(
-    name: Annotated[str, typer.Argument(metavar="[EXPERIMENT]", help="Shipped experiment or TOML file.")] = "move",
-    virtual: Annotated[bool, typer.Option("--virtual", help="In virtual time: one process, as fast as it goes.")] = False,
+    name: Annotated[
+        str, typer.Argument(metavar="[EXPERIMENT]", help="Shipped experiment or TOML file.")
+    ] = "move",
+    virtual: Annotated[
+        bool, typer.Option("--virtual", help="In virtual time: one process, as fast as it goes.")
+    ] = False,
     seed: Annotated[int | None, typer.Option(help="Seed of noise, loss and jitter.")] = None,
-    planner: Annotated[str | None, typer.Option(help="Planner, or several with commas: one run each.")] = None,
-    overrides: Annotated[list[str] | None, typer.Option("--set", help="section.key=value, again and again.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")] = False,
+    planner: Annotated[
+        str | None, typer.Option(help="Planner, or several with commas: one run each.")
+    ] = None,
+    overrides: Annotated[
+        list[str] | None, typer.Option("--set", help="section.key=value, again and again.")
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")
+    ] = False,
     runs: Annotated[Path, typer.Option(help="Where run folders go.")] = RUNS,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Write report.html.")] = True,
 ) -> int:
     """Run an experiment: plan, show, move, watch, log, analyse, report."""
     changes = [*(overrides or []), *([f"experiment.seed={seed}"] if seed is not None else [])]
     planners = [one.strip() for one in planner.split(",") if one.strip()] if planner else [None]
-    chosen = [config.load(name, [*changes, *([f"experiment.planner={one}"] if one else [])]) for one in planners]
+    chosen = [
+        config.load(name, [*changes, *([f"experiment.planner={one}"] if one else [])])
+        for one in planners
+    ]
     if planner and chosen[0].move.waypoints:
-        raise ConfigError(f"--planner {planner} with [move] waypoints; the points are passed by [move] spline: leave it out")
+        raise ConfigError(
+            f"--planner {planner} with [move] waypoints; the points are passed by [move] spline: leave it out"
+        )
     for experiment_file in chosen:  # all must be plannable before the first one moves
         plan_move(experiment_file)
     summaries: list[Summary] = []
     for experiment_file in chosen:
-        summaries.append(_run_one(experiment_file, "virtual" if virtual else "wall", runs, as_json, report))
+        summaries.append(
+            _run_one(experiment_file, "virtual" if virtual else "wall", runs, as_json, report)
+        )
         if summaries[-1].exit_code in (3, 4, 5):
             break
     if as_json:
@@ -54,7 +71,9 @@ def run(
     return max((s.exit_code for s in summaries), default=0)
 
 
-def _run_one(chosen: config.Experiment, mode: str, runs: Path, quiet: bool, report: bool) -> Summary:
+def _run_one(
+    chosen: config.Experiment, mode: str, runs: Path, quiet: bool, report: bool
+) -> Summary:
     began = stopwatch_s()
     bar = Progress(
         TextColumn("{task.description:12}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"), TimeRemainingColumn(),
@@ -73,11 +92,15 @@ def _run_one(chosen: config.Experiment, mode: str, runs: Path, quiet: bool, repo
             if not quiet:
                 err.print(_announcement(job, plan, mode, stopwatch_s() - began))
 
-        ran = experiment.run(chosen, "virtual" if mode == "virtual" else "wall", runs, progress, before)
+        ran = experiment.run(
+            chosen, "virtual" if mode == "virtual" else "wall", runs, progress, before
+        )
     try:
         return _tell(ran, quiet, report, stopwatch_s() - began)
     except KeyboardInterrupt:
-        raise Stopped(f"stopped while analysing; the log is kept: rig analyze {ran.folder}", STOPPED) from None
+        raise Stopped(
+            f"stopped while analysing; the log is kept: rig analyze {ran.folder}", STOPPED
+        ) from None
 
 
 def _tell(ran: experiment.Ran, quiet: bool, report: bool, run_s: float) -> Summary:
@@ -113,14 +136,24 @@ def _announcement(job: Job, plan: Plan | None, mode: str, plan_s: float) -> Tabl
     """One screen before anything moves."""
     e, table = (
         job.experiment,
-        Table(show_header=False, title=f"about to run: {job.experiment.experiment.name}", title_justify="left"),
+        Table(
+            show_header=False,
+            title=f"about to run: {job.experiment.experiment.name}",
+            title_justify="left",
+        ),
     )
-    clock = "real time, five processes, UDP and ZeroMQ" if mode == "wall" else "virtual time, one process"
+    clock = (
+        "real time, five processes, UDP and ZeroMQ"
+        if mode == "wall"
+        else "virtual time, one process"
+    )
     table.add_row("mode", f"{clock}; seed {e.experiment.seed}")
     if plan is not None:
         m = plan.metrics
         table.add_row("plan", _said(plan))
-        table.add_row("believes", f"cable {e.model.cable_m:g} m, damping ratio {e.model.damping_ratio:g}")
+        table.add_row(
+            "believes", f"cable {e.model.cable_m:g} m, damping ratio {e.model.damping_ratio:g}"
+        )
         table.add_row(
             "asks for",
             f"{m.peak_speed_m_s:.3f} m/s (limit {e.limits.speed_m_s:g}), "
@@ -132,7 +165,10 @@ def _announcement(job: Job, plan: Plan | None, mode: str, plan_s: float) -> Tabl
         )
     else:
         table.add_row("plan", "nothing moves" if job.plan.time_s == 0 else "from point to point")
-    table.add_row("time", f"{job.plan.quiet_s:g} s quiet, {job.plan.time_s:g} s move, {job.plan.watch_s:g} s watching")
+    table.add_row(
+        "time",
+        f"{job.plan.quiet_s:g} s quiet, {job.plan.time_s:g} s move, {job.plan.watch_s:g} s watching",
+    )
     links = [f"{name} ({_faults(f)})" for name, f in e.links.items()]
     table.add_row("links", ", ".join(links) or "as they are")
     table.add_row("calibration", job.calibration_name if e.camera.rate_hz else "no camera")
@@ -151,15 +187,24 @@ def _comparison(summaries: list[Summary]) -> Table:
     for name in ("planner", "planned", "measured", "true", "verdict"):
         table.add_column(name, justify="left" if name == "planner" else "right")
     for s in summaries:
-        values = (s.planned.residual_swing_rad, s.measured.residual_swing_rad, s.truth.residual_swing_rad if s.truth else None)
-        table.add_row(s.planner, *("-" if v is None else f"{v * 1e3:.3f}" for v in values), s.verdict)
+        values = (
+            s.planned.residual_swing_rad,
+            s.measured.residual_swing_rad,
+            s.truth.residual_swing_rad if s.truth else None,
+        )
+        table.add_row(
+            s.planner, *("-" if v is None else f"{v * 1e3:.3f}" for v in values), s.verdict
+        )
     return table
 
 
 def _said(plan: Plan) -> str:
     """What was asked of the planner, in a line."""
     p = plan.problem
-    words = [f"{plan.planner}: {p.distance_m:g} m along {p.axis} in {p.time_s:g} s", f"{p.input} input"]
+    words = [
+        f"{plan.planner}: {p.distance_m:g} m along {p.axis} in {p.time_s:g} s",
+        f"{p.input} input",
+    ]
     words += [f"robust to {', '.join(p.robust)}"] if p.robust else []
     words += ["nonlinear"] if p.nonlinear else []
     return ", ".join(words)

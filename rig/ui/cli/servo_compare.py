@@ -68,7 +68,10 @@ DESIGNS: tuple[tuple[str, str], ...] = (
 def compare(
     file: Annotated[
         Path | None,
-        typer.Argument(help="TOML of a comparison; source 001's three experiments unless given.", metavar="SPEC.toml"),
+        typer.Argument(
+            help="TOML of a comparison; source 001's three experiments unless given.",
+            metavar="SPEC.toml",
+        ),
     ] = None,
     controllers: Annotated[
         str,
@@ -77,16 +80,27 @@ def compare(
         ),
     ] = SHOWN,
     truth: Annotated[
-        str, typer.Option(help="What the joint really is: names of the file's truths with commas, or all.")
+        str,
+        typer.Option(
+            help="What the joint really is: names of the file's truths with commas, or all."
+        ),
     ] = "all",
     changes: Annotated[
-        list[str] | None, typer.Option("--set", help="Any key of the file, e.g. drive.period_s=0.0005; may be repeated.")
+        list[str] | None,
+        typer.Option(
+            "--set", help="Any key of the file, e.g. drive.period_s=0.0005; may be repeated."
+        ),
     ] = None,
-    seed: Annotated[int | None, typer.Option(help="Of the sensors' noise, instead of the file's.", min=0)] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="Of the sensors' noise, instead of the file's.", min=0)
+    ] = None,
     plot: Annotated[
-        Path | None, typer.Option(help="Draw speed and torque of the first truth's moves: .svg, .png or .pdf.")
+        Path | None,
+        typer.Option(help="Draw speed and torque of the first truth's moves: .svg, .png or .pdf."),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")
+    ] = False,
 ) -> int:
     """Compare controllers of an elastic joint on the simulated bench: vibration that is left, error, torque."""
     from rig.studies.servo.compare import built, designs  # scipy takes its time
@@ -110,9 +124,16 @@ def compare(
 
         picture_file.save(draw_comparison([row for row in rows if row.truth == truths[0]]), plot)
     verdict, reasons = _verdict(facts, rows)
-    lost = UNPUBLISHED_NOTE if file is None and not any(change.startswith(OURS) for change in changes or ()) else ()
+    lost = (
+        UNPUBLISHED_NOTE
+        if file is None and not any(change.startswith(OURS) for change in changes or ())
+        else ()
+    )
     if as_json:
-        print_json(_document(spec, facts, rows) | {"verdict": verdict, "reasons": reasons, "source_001": " ".join(lost)})
+        print_json(
+            _document(spec, facts, rows)
+            | {"verdict": verdict, "reasons": reasons, "source_001": " ".join(lost)}
+        )
     else:
         _print_designs(spec, facts, drives)
         _print(rows, names)
@@ -125,11 +146,15 @@ def compare(
 def _words(option: str, text: str) -> list[str]:
     words = list(dict.fromkeys(word.strip() for word in text.split(",") if word.strip()))
     if not words:
-        raise ConfigError(f"{option} {text!r}; must name one or more, with commas, or all: see --help")
+        raise ConfigError(
+            f"{option} {text!r}; must name one or more, with commas, or all: see --help"
+        )
     return words
 
 
-def _rows(spec: ServoSpec, truths: Sequence[str], drives: Mapping[str, Drive], *, quiet: bool) -> list[Row]:
+def _rows(
+    spec: ServoSpec, truths: Sequence[str], drives: Mapping[str, Drive], *, quiet: bool
+) -> list[Row]:
     from rig.studies.servo.compare import compare as runs
 
     total, coming, rows = len(truths) * len(spec.move) * len(drives), runs(spec, truths, drives), []
@@ -139,14 +164,21 @@ def _rows(spec: ServoSpec, truths: Sequence[str], drives: Mapping[str, Drive], *
             err.print(f"{total} moves on the simulated joint")
         for row in coming:
             rows.append(row)
-            progress.update(bar, advance=1, description=f"{row.truth}, {row.title}, {row.controller}")
+            progress.update(
+                bar, advance=1, description=f"{row.truth}, {row.title}, {row.controller}"
+            )
     return rows
 
 
 def _share(row: Row, rows: Sequence[Row]) -> float | None:
     """The residual against that of the first controller on the same move, if both arrived."""
     first = next(r for r in rows if (r.truth, r.move) == (row.truth, row.move))
-    comparable = first is not row and first.outcome.residual and first.outcome.arrived and row.outcome.arrived
+    comparable = (
+        first is not row
+        and first.outcome.residual
+        and first.outcome.arrived
+        and row.outcome.arrived
+    )
     return row.outcome.residual / first.outcome.residual if comparable else None
 
 
@@ -157,12 +189,17 @@ def _document(spec: ServoSpec, facts: Mapping[str, Facts], rows: Sequence[Row]) 
         "seed": spec.seed,
         "moves": [msgspec.structs.asdict(move) for move in spec.move],
         "model": msgspec.structs.asdict(spec.model),
-        "truths": {name: spec.truth_tables(name) for name in dict.fromkeys(row.truth for row in rows)},
+        "truths": {
+            name: spec.truth_tables(name) for name in dict.fromkeys(row.truth for row in rows)
+        },
         "designs": {name: _design(found) for name, found in facts.items()},
         "rows": [
             {"truth": row.truth, "move": row.move, "title": row.title, "controller": row.controller}
             | {"late_s": row.late_s, **row.outcome._asdict()}
-            | {"residual_of_the_first": _share(row, rows), "integration_error_rad": row.recording.integration_error_rad}
+            | {
+                "residual_of_the_first": _share(row, rows),
+                "integration_error_rad": row.recording.integration_error_rad,
+            }
             | _current(spec, row)
             for row in rows
         ],
@@ -188,7 +225,9 @@ def _current(spec: ServoSpec, row: Row) -> dict[str, float | None]:
     return {"peak_current_a": row.outcome.peak_torque_n_m / k if k else None}
 
 
-def _print_designs(spec: ServoSpec, facts: Mapping[str, Facts], drives: Mapping[str, Drive]) -> None:
+def _print_designs(
+    spec: ServoSpec, facts: Mapping[str, Facts], drives: Mapping[str, Drive]
+) -> None:
     import numpy as np
 
     from rig.drives.servo.loops import swinging
@@ -196,15 +235,24 @@ def _print_designs(spec: ServoSpec, facts: Mapping[str, Facts], drives: Mapping[
     title = f"loops on the joint believed in, sampled every {1e3 * spec.drive.period_s:g} ms; broken at the motor's torque"
     table = Table(title=title, **PLAIN)
     for name, unit in DESIGNS:
-        table.add_column(f"{name}\n{unit}", justify="right" if unit or name == "gain margins" else "left", no_wrap=True)
+        table.add_column(
+            f"{name}\n{unit}",
+            justify="right" if unit or name == "gain margins" else "left",
+            no_wrap=True,
+        )
     for name, found in facts.items():
         pair = min(swinging(found.poles_1_s), key=lambda mode: mode.damping, default=None)
-        slow = found.zeros_1_s[np.abs(found.zeros_1_s.imag) < 0.99 * math.pi / spec.drive.period_s]  # not of the sampling
+        slow = found.zeros_1_s[
+            np.abs(found.zeros_1_s.imag) < 0.99 * math.pi / spec.drive.period_s
+        ]  # not of the sampling
         zero = min(swinging(slow), key=lambda mode: mode.damping, default=None)
         cells = (
             f"{found.modes[0].frequency_rad_s:.2f}",
             f"{found.modes[-1].frequency_rad_s:.1f}",
-            *("-" if mode is None else f"{mode.frequency_rad_s:.1f}, {mode.damping:.3f}" for mode in (pair, zero)),
+            *(
+                "-" if mode is None else f"{mode.frequency_rad_s:.1f}, {mode.damping:.3f}"
+                for mode in (pair, zero)
+            ),
             *_margins(found),
             f"{found.condition:.3g}",
         )
@@ -221,7 +269,12 @@ def _margins(found: Facts) -> tuple[str, ...]:
     m = found.margins
     if not found.stable:
         return ("unstable", "-", "-", "-")
-    return f"{m.least_gain:.3g} to {m.gain:.3g}", f"{m.phase_deg:.1f}", f"{m.crossover_rad_s:.1f}", f"{m.sensitivity:.2f}"
+    return (
+        f"{m.least_gain:.3g} to {m.gain:.3g}",
+        f"{m.phase_deg:.1f}",
+        f"{m.crossover_rad_s:.1f}",
+        f"{m.sensitivity:.2f}",
+    )
 
 
 def _print(rows: Sequence[Row], names: Sequence[str]) -> None:
@@ -258,19 +311,27 @@ def _print(rows: Sequence[Row], names: Sequence[str]) -> None:
 
 def _verdict(facts: Mapping[str, Facts], rows: Sequence[Row]) -> tuple[str, list[str]]:
     """bad: nothing arrived; doubtful: something did not, or is unstable where it should be stable."""
-    reasons = [f"{name} is unstable on the joint believed in" for name, found in facts.items() if not found.stable]
+    reasons = [
+        f"{name} is unstable on the joint believed in"
+        for name, found in facts.items()
+        if not found.stable
+    ]
     for row in rows:
         o = row.outcome
         if not o.arrived:
             why = f", its torque at the limit for {o.at_limit_s:.3g} s" if o.at_limit_s else ""
             where = f"truth {row.truth}, {row.title}"
-            reasons.append(f"{row.controller} did not arrive: {where}, {o.final_error_deg:.3g}° off{why}")
+            reasons.append(
+                f"{row.controller} did not arrive: {where}, {o.final_error_deg:.3g}° off{why}"
+            )
     if not any(row.outcome.arrived for row in rows):
         return "bad", reasons
     return "doubtful" if reasons else "good", reasons
 
 
-def _print_verdict(rows: Sequence[Row], names: Sequence[str], facts: Mapping[str, Facts], reasons: Sequence[str]) -> None:
+def _print_verdict(
+    rows: Sequence[Row], names: Sequence[str], facts: Mapping[str, Facts], reasons: Sequence[str]
+) -> None:
     for name in names[1:]:
         if facts[name].stable and facts[names[0]].stable:
             out.print(_ranking(name, names[0], rows))
@@ -279,7 +340,9 @@ def _print_verdict(rows: Sequence[Row], names: Sequence[str], facts: Mapping[str
 
 
 def _ranking(name: str, first: str, rows: Sequence[Row]) -> str:
-    shares = [share for row in rows if row.controller == name and (share := _share(row, rows)) is not None]
+    shares = [
+        share for row in rows if row.controller == name and (share := _share(row, rows)) is not None
+    ]
     if not shares:
         return f"{name}: nothing to compare with {first}"
     less = sum(share < 1.0 for share in shares)

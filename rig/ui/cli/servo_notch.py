@@ -18,7 +18,11 @@ if TYPE_CHECKING:
     from rig.drives.servo.two_mass import TwoMass
     from rig.studies.servo.notch import NotchRow, NotchTask, Sampled
 
-EXAMPLE = {"antiresonance": 200.0, "inertia_ratio": 1.0, "damping": 0.1}  # source 001, its simulations
+EXAMPLE = {
+    "antiresonance": 200.0,
+    "inertia_ratio": 1.0,
+    "damping": 0.1,
+}  # source 001, its simulations
 RANGES = {
     "antiresonance": (1e-3, 1e6, "give rad/s; source 001's is 200"),
     "inertia_ratio": (1e-3, 1e3, "load over motor, at the motor's side; source 001's is 1"),
@@ -51,24 +55,46 @@ def notch(
         ),
     ] = "normalised",
     antiresonance: Annotated[
-        float | None, typer.Option(help="Of the normalised joint, ω_z in rad/s, 1e-3 to 1e6; 200 unless given.")
+        float | None,
+        typer.Option(help="Of the normalised joint, ω_z in rad/s, 1e-3 to 1e6; 200 unless given."),
     ] = None,
     inertia_ratio: Annotated[
-        float | None, typer.Option(help="Of the normalised joint, load over motor, 1e-3 to 1e3; 1 unless given.")
+        float | None,
+        typer.Option(help="Of the normalised joint, load over motor, 1e-3 to 1e3; 1 unless given."),
     ] = None,
     damping: Annotated[
-        float | None, typer.Option(help="Of the normalised joint, ζ_z at the antiresonance, 0 to 1; 0.1 unless given.")
+        float | None,
+        typer.Option(
+            help="Of the normalised joint, ζ_z at the antiresonance, 0 to 1; 0.1 unless given."
+        ),
     ] = None,
-    speed_loop: Annotated[float, typer.Option(help="Speed gain over ω_z (Jm + Jlr), 1e-3 to 1e3.")] = 1.0,
-    position_loop: Annotated[float, typer.Option(help="Position gain over ω_z, 1e-4 to 100.")] = 0.1,
-    reset_time: Annotated[float, typer.Option(help="Of the speed loop's integrator, times ω_z, 0.01 to 1e4.")] = 10.0,
-    notch_damping: Annotated[float, typer.Option(help="Of the notch's poles, ζ_2, 1e-3 to 100.")] = 1.0,
+    speed_loop: Annotated[
+        float, typer.Option(help="Speed gain over ω_z (Jm + Jlr), 1e-3 to 1e3.")
+    ] = 1.0,
+    position_loop: Annotated[
+        float, typer.Option(help="Position gain over ω_z, 1e-4 to 100.")
+    ] = 0.1,
+    reset_time: Annotated[
+        float, typer.Option(help="Of the speed loop's integrator, times ω_z, 0.01 to 1e4.")
+    ] = 10.0,
+    notch_damping: Annotated[
+        float, typer.Option(help="Of the notch's poles, ζ_2, 1e-3 to 100.")
+    ] = 1.0,
     detune: Annotated[
-        float, typer.Option(help="Frequency of a notch that is tuned wrongly, over the right one, 0.1 to 10.")
+        float,
+        typer.Option(
+            help="Frequency of a notch that is tuned wrongly, over the right one, 0.1 to 10."
+        ),
     ] = 0.9,
-    sample_time: Annotated[float, typer.Option(help="Of the drive in s, for the digital notch, 1e-6 to 1.")] = 0.001,
-    plot: Annotated[Path | None, typer.Option(help="Draw poles and responses of the load: .svg, .png or .pdf.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")] = False,
+    sample_time: Annotated[
+        float, typer.Option(help="Of the drive in s, for the digital notch, 1e-6 to 1.")
+    ] = 0.001,
+    plot: Annotated[
+        Path | None, typer.Option(help="Draw poles and responses of the load: .svg, .png or .pdf.")
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")
+    ] = False,
 ) -> int:
     """Compare a notch filter inside the speed loop, upstream of it, and none: poles, margins, what the load does."""
     from rig.drives.servo.cascade import Cascade  # python-control takes its time
@@ -120,7 +146,9 @@ def _joint(name: str, own: dict[str, float | None]) -> TwoMass:
     joint = named_joint(name, ("normalised",))
     for key, value in given.items():
         option = f"--{key.replace('_', '-')} {value:g}"
-        raise ConfigError(f"{option} with --joint {name}; must be with --joint normalised: leave one of the two out")
+        raise ConfigError(
+            f"{option} with --joint {name}; must be with --joint normalised: leave one of the two out"
+        )
     return joint
 
 
@@ -174,7 +202,8 @@ def _document(
 
 def _told(row: NotchRow) -> dict[str, Any]:
     facts = row._asdict() | {
-        key: [m._asdict() for m in getattr(row, key)] for key in ("speed_modes", "position_modes", "hidden")
+        key: [m._asdict() for m in getattr(row, key)]
+        for key in ("speed_modes", "position_modes", "hidden")
     }
     if row.notch is None:
         return facts
@@ -216,15 +245,28 @@ def _print(
 
 def _pole_table(joint: str, task: NotchTask, rows: Sequence[NotchRow]) -> Table:
     j = task.joint
-    title = f"Joint {joint}: ω_z {j.antiresonance_rad_s:.6g} rad/s, Jm {j.motor_inertia_kg_m2:.6g}, "
+    title = (
+        f"Joint {joint}: ω_z {j.antiresonance_rad_s:.6g} rad/s, Jm {j.motor_inertia_kg_m2:.6g}, "
+    )
     title += f"Jlr {j.reflected_inertia_kg_m2:.6g} kg m²; Kpv {task.gains.speed_gain_n_m_s_rad:.6g} N m s/rad, "
     title += f"Tiv {task.gains.reset_time_s:.6g} s, Kpp {task.gains.position_gain_1_s:.6g} 1/s"
     pairs = [name + BOTH for name in ("tuned to", "speed loop", "position loop", "hidden")]
-    margins = [f"{loop} loop\n{what}" for loop in ("speed", "position") for what in ("margin\n[°]", "crossover\n[rad/s]")]
+    margins = [
+        f"{loop} loop\n{what}"
+        for loop in ("speed", "position")
+        for what in ("margin\n[°]", "crossover\n[rad/s]")
+    ]
     view = plain_table(title, ("notch", *pairs, *margins), left=1)
     for row in rows:
-        tuned = "" if row.notch is None else _mode(row.notch.frequency_rad_s, row.notch.numerator_damping)
-        loops = ("\n".join(_mode(*mode) for mode in modes) for modes in (row.speed_modes, row.position_modes, row.hidden))
+        tuned = (
+            ""
+            if row.notch is None
+            else _mode(row.notch.frequency_rad_s, row.notch.numerator_damping)
+        )
+        loops = (
+            "\n".join(_mode(*mode) for mode in modes)
+            for modes in (row.speed_modes, row.position_modes, row.hidden)
+        )
         speed = (f"{row.phase_margin_deg:.2f}", f"{row.crossover_rad_s:.2f}")
         position = (f"{row.position_margin_deg:.2f}", f"{row.position_crossover_rad_s:.2f}")
         view.add_row(row.name, tuned, *loops, *speed, *position, end_section=True)
@@ -233,7 +275,14 @@ def _pole_table(joint: str, task: NotchTask, rows: Sequence[NotchRow]) -> Table:
 
 def _response_table(title: str, rows: Sequence[NotchRow]) -> Table:
     margins = ("speed loop\nmargin [°]", "position loop\nmargin [°]")
-    figures = ("motor step\n[rad/s]", "load step\n[rad/s]", "peak\n[rad/s]", "rings\n[%]", "overshoot\n[%]", "settled\n[s]")
+    figures = (
+        "motor step\n[rad/s]",
+        "load step\n[rad/s]",
+        "peak\n[rad/s]",
+        "rings\n[%]",
+        "overshoot\n[%]",
+        "settled\n[s]",
+    )
     view = plain_table(title, ("notch", "tuned", f"least damped{BOTH}", *margins, *figures), left=1)
     for row in rows:
         view.add_row(
@@ -259,7 +308,11 @@ def _digital_table(rows: Sequence[Sampled], period_s: float) -> Table:
     view = plain_table(title, (*names, *passes), left=1)
     for row in rows:
         passed = (f"{100.0 * share:.4f}" for share in (row.depth, row.prewarped, row.unwarped))
-        figures = (f"{row.frequency_rad_s:.6g}", f"{row.unwarped_rad_s:.6g}", f"{100.0 * row.shift:.4f}")
+        figures = (
+            f"{row.frequency_rad_s:.6g}",
+            f"{row.unwarped_rad_s:.6g}",
+            f"{100.0 * row.shift:.4f}",
+        )
         view.add_row(row.name, *figures, *passed)
     return view
 
@@ -274,7 +327,8 @@ def _verdict(rows: Sequence[NotchRow]) -> list[str]:
             f"{row.name}: {'better' if after > before else 'worse'} damped, {after:.3f} instead of {before:.3f}; a torque on "
             f"the load moves it {moves:.2f} times as much"
             + "".join(
-                f" and shows the hidden pair at {m.frequency_rad_s:.4g} rad/s, damping {m.damping:.3f}" for m in row.hidden
+                f" and shows the hidden pair at {m.frequency_rad_s:.4g} rad/s, damping {m.damping:.3f}"
+                for m in row.hidden
             )
         )
     return lines

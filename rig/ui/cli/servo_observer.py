@@ -40,7 +40,9 @@ TORQUE_LEGEND = (
 def observer(
     joint: Annotated[
         str,
-        typer.Option(help="Source 001's harmonic drive, listed or fitted constants; or \\[model] of a comparison FILE.toml."),
+        typer.Option(
+            help="Source 001's harmonic drive, listed or fitted constants; or \\[model] of a comparison FILE.toml."
+        ),
     ] = "listed",
     time_constants: Annotated[
         str | None,
@@ -50,13 +52,23 @@ def observer(
     ] = None,
     nominal_inertia: Annotated[
         float | None,
-        typer.Option(help="Of the rigid nominal model in kg m², 1e-12 to 1e12; the motor alone unless given."),
+        typer.Option(
+            help="Of the rigid nominal model in kg m², 1e-12 to 1e12; the motor alone unless given."
+        ),
     ] = None,
     order: Annotated[
-        int, typer.Option(help="Of Q, 1 to 8: 1 is the lecture's; above it Butterworth's, with its corner at 1 / T_f.")
+        int,
+        typer.Option(
+            help="Of Q, 1 to 8: 1 is the lecture's; above it Butterworth's, with its corner at 1 / T_f."
+        ),
     ] = 1,
-    plot: Annotated[Path | None, typer.Option(help="Draw damping over T_f and the load's speed: .svg, .png or .pdf.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")] = False,
+    plot: Annotated[
+        Path | None,
+        typer.Option(help="Draw damping over T_f and the load's speed: .svg, .png or .pdf."),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")
+    ] = False,
 ) -> int:
     """Show what a torque disturbance observer does to an elastic joint: damping, rejection, responses, over T_f."""
     from rig.studies.servo.joints import named_joint  # python-control takes its time
@@ -68,7 +80,12 @@ def observer(
         picture_file.check(plot)
     times = TIME_CONSTANTS_S if time_constants is None else _numbers(time_constants)
     _check(nominal_inertia, order)
-    task = ObserverTask(joint=named_joint(joint), time_constants_s=times, nominal_inertia_kg_m2=nominal_inertia, order=order)
+    task = ObserverTask(
+        joint=named_joint(joint),
+        time_constants_s=times,
+        nominal_inertia_kg_m2=nominal_inertia,
+        order=order,
+    )
     rows, bare, turn = study(task), without(task), turns(task)
     if plot is not None:
         from rig.ui.plots.servo_observer import draw_observer
@@ -89,7 +106,9 @@ def _numbers(text: str) -> tuple[float, ...]:
     except ValueError:
         values = ()
     if not values:
-        raise ConfigError(f"--time-constants {text!r}; must be numbers with commas, in s: e.g. 5e-4,2e-3")
+        raise ConfigError(
+            f"--time-constants {text!r}; must be numbers with commas, in s: e.g. 5e-4,2e-3"
+        )
     for value in values:
         check_range("--time-constants", value, 1e-12, 1e12, "give seconds, e.g. 5e-4,2e-3")
     return values
@@ -100,11 +119,15 @@ def _check(nominal_inertia: float | None, order: int) -> None:
     from rig.drives.servo.errors import check_range
 
     if nominal_inertia is not None:
-        check_range("--nominal-inertia", nominal_inertia, 1e-12, 1e12, "give kg m², as felt at the motor")
+        check_range(
+            "--nominal-inertia", nominal_inertia, 1e-12, 1e12, "give kg m², as felt at the motor"
+        )
     check_range("--order", order, 1, HIGHEST_ORDER, "1 or 2 is usual")
 
 
-def _document(joint: str, task: ObserverTask, rows: Sequence[ObserverRow], bare: Rejection, turn: Turns) -> dict[str, Any]:
+def _document(
+    joint: str, task: ObserverTask, rows: Sequence[ObserverRow], bare: Rejection, turn: Turns
+) -> dict[str, Any]:
     return {
         "exit_status": "ok",
         "joint": joint,
@@ -119,9 +142,11 @@ def _document(joint: str, task: ObserverTask, rows: Sequence[ObserverRow], bare:
         "rows": [
             {
                 "time_constant_s": row.time_constant_s,
-                "rigid_nominal": _told(row.rigid) | {"effect": task.effect(row.rigid.least_damped.damping)},
+                "rigid_nominal": _told(row.rigid)
+                | {"effect": task.effect(row.rigid.least_damped.damping)},
                 "elastic_nominal": _told(row.elastic),
-                "stiff_load": row.stiff._asdict() | {"low": row.stiff_low, "stable": row.stiff.damping >= 0.0},
+                "stiff_load": row.stiff._asdict()
+                | {"low": row.stiff_low, "stable": row.stiff.damping >= 0.0},
                 "printed_h_f": row.printed and row.printed._asdict(),
             }
             for row in rows
@@ -135,7 +160,9 @@ def _told(side: Rejection) -> dict[str, Any]:
     return side._asdict() | {"least_damped": side.least_damped._asdict(), "stable": side.stable}
 
 
-def _print(joint: str, task: ObserverTask, rows: Sequence[ObserverRow], bare: Rejection, turn: Turns) -> None:
+def _print(
+    joint: str, task: ObserverTask, rows: Sequence[ObserverRow], bare: Rejection, turn: Turns
+) -> None:
     wide.print(_pair_table(joint, task, rows, bare))
     say(f"{PAIR_LEGEND} {PRINTED_LEGEND}" if task.order == 1 else PAIR_LEGEND, "dim")
     wide.print(_torque_table(task, rows, bare))
@@ -148,12 +175,20 @@ def _print(joint: str, task: ObserverTask, rows: Sequence[ObserverRow], bare: Re
         say(INFERRED_NOTES[joint], "dim")
 
 
-def _pair_table(joint: str, task: ObserverTask, rows: Sequence[ObserverRow], bare: Rejection) -> Table:
+def _pair_table(
+    joint: str, task: ObserverTask, rows: Sequence[ObserverRow], bare: Rejection
+) -> Table:
     j, first = task.joint, task.order == 1
     title = f"Joint {joint}: Jm {j.motor_inertia_kg_m2:.6g}, Jlr {j.reflected_inertia_kg_m2:.6g} kg m²; "
     title += f"rigid nominal of {task.rigid.denominator[0]:.6g} kg m²; Q of order {task.order}"
-    poles = [f"{name}\n[rad/s], damping" for name in ("rigid nominal", "elastic nominal", "stiff load, rigid nominal")]
-    view = plain_table(title, (CORNER, poles[0], "effect", *poles[1:], *["H_f as printed\n[rad/s], damping"] * first))
+    poles = [
+        f"{name}\n[rad/s], damping"
+        for name in ("rigid nominal", "elastic nominal", "stiff load, rigid nominal")
+    ]
+    view = plain_table(
+        title,
+        (CORNER, poles[0], "effect", *poles[1:], *["H_f as printed\n[rad/s], damping"] * first),
+    )
     view.add_row("none", _mode(bare.least_damped), "", _mode(bare.least_damped), "", *[""] * first)
     for row in rows:
         effect = task.effect(row.rigid.least_damped.damping)
@@ -169,12 +204,28 @@ def _pair_table(joint: str, task: ObserverTask, rows: Sequence[ObserverRow], bar
 
 
 def _torque_table(task: ObserverTask, rows: Sequence[ObserverRow], bare: Rejection) -> Table:
-    steps = [f"{place} step:\n{what}" for place in ("motor", "load") for what in ("peak [rad/s]", "rings")]
-    headers = (CORNER, "nominal", "low,\nshare", "largest\n[rad/s per N m]", *steps, "stiff load:\nlow, share")
+    steps = [
+        f"{place} step:\n{what}"
+        for place in ("motor", "load")
+        for what in ("peak [rad/s]", "rings")
+    ]
+    headers = (
+        CORNER,
+        "nominal",
+        "low,\nshare",
+        "largest\n[rad/s per N m]",
+        *steps,
+        "stiff load:\nlow, share",
+    )
     view = plain_table("\nWhat a torque does to the load", headers)
     view.add_row("none", "", *_figures(bare), "1")
     for row in rows:
-        view.add_row(_corner(task, row.time_constant_s), "rigid", *_figures(row.rigid), _figure(row.stiff_low))
+        view.add_row(
+            _corner(task, row.time_constant_s),
+            "rigid",
+            *_figures(row.rigid),
+            _figure(row.stiff_low),
+        )
         view.add_row("", "elastic", *_figures(row.elastic), "")
     return view
 
@@ -192,9 +243,14 @@ def _figure(value: float) -> str:
 
 
 def _verdict(task: ObserverTask, rows: Sequence[ObserverRow], turn: Turns) -> list[str]:
-    found = [(task.effect(row.rigid.least_damped.damping), _corner(task, row.time_constant_s)) for row in rows]
+    found = [
+        (task.effect(row.rigid.least_damped.damping), _corner(task, row.time_constant_s))
+        for row in rows
+    ]
     times = {effect: [t for said, t in found if said == effect] for effect in EFFECTS}
-    told = "; ".join(f"{word} at {_at(times[effect])}" for effect, word in EFFECTS.items() if times[effect])
+    told = "; ".join(
+        f"{word} at {_at(times[effect])}" for effect, word in EFFECTS.items() if times[effect]
+    )
     worst = max(rows, key=lambda row: row.elastic.load_step_rings)
     return [
         f"without observer the pair swings at {task.bare.frequency_rad_s:.2f} rad/s with damping {task.bare.damping:.3f}; "

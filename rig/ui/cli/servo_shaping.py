@@ -30,22 +30,36 @@ PULSE_LEGEND = (
 
 
 def shaping(
-    frequency: Annotated[float, typer.Option(help="Natural frequency the shapers are made for in rad/s.")] = 1.0,
+    frequency: Annotated[
+        float, typer.Option(help="Natural frequency the shapers are made for in rad/s.")
+    ] = 1.0,
     damping: Annotated[float, typer.Option(help="Damping ratio the shapers are made for.")] = 0.05,
-    frequency_error: Annotated[float, typer.Option(help="Of the true frequency, as a share, both ways.")] = 0.1,
-    damping_error: Annotated[float, typer.Option(help="Of the true damping, as a share, both ways.")] = 0.2,
+    frequency_error: Annotated[
+        float, typer.Option(help="Of the true frequency, as a share, both ways.")
+    ] = 0.1,
+    damping_error: Annotated[
+        float, typer.Option(help="Of the true damping, as a share, both ways.")
+    ] = 0.2,
     shapers: Annotated[
         str,
-        typer.Option(help="Names with commas: zv, zvd, zvdd, zvddd, mzv, ei, ei_two_hump, ei_three_hump, um_zv."),
+        typer.Option(
+            help="Names with commas: zv, zvd, zvdd, zvddd, mzv, ei, ei_two_hump, ei_three_hump, um_zv."
+        ),
     ] = "zv,zvd,zvdd",
     pulse: Annotated[float, typer.Option(help="Length of the torque pulse in s.")] = 10.0,
     sample_time: Annotated[
-        float | None, typer.Option(help="Of a drive in s: tells the impulses on its samples as well.")
+        float | None,
+        typer.Option(help="Of a drive in s: tells the impulses on its samples as well."),
     ] = None,
     plot: Annotated[
-        Path | None, typer.Option(help="Draw impulse responses, and the pulse's speed and torque: .svg, .png or .pdf.")
+        Path | None,
+        typer.Option(
+            help="Draw impulse responses, and the pulse's speed and torque: .svg, .png or .pdf."
+        ),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")
+    ] = False,
 ) -> int:
     """Compare input shapers on a joint that swings otherwise than assumed: impulses, residuals, a torque pulse."""
     from rig.studies.servo.shaping import ShapingTask, pulse_residuals, robustness
@@ -64,7 +78,9 @@ def shaping(
         period_s=sample_time,
     )
     rows = robustness(task)
-    pulses = {"unshaped": pulse_residuals(task)} | {row.name: pulse_residuals(task, row.shaper) for row in rows}
+    pulses = {"unshaped": pulse_residuals(task)} | {
+        row.name: pulse_residuals(task, row.shaper) for row in rows
+    }
     if plot is not None:
         from rig.ui.plots.servo_shaping import draw_shaping
 
@@ -76,7 +92,9 @@ def shaping(
     return 0
 
 
-def _document(task: ShapingTask, rows: Sequence[Robustness], pulses: dict[str, FloatArray]) -> dict[str, Any]:
+def _document(
+    task: ShapingTask, rows: Sequence[Robustness], pulses: dict[str, FloatArray]
+) -> dict[str, Any]:
     """Shares, not percent."""
     return {
         "exit_status": "ok",
@@ -87,7 +105,8 @@ def _document(task: ShapingTask, rows: Sequence[Robustness], pulses: dict[str, F
         "pulse": {
             "pulse_s": task.pulse_s,
             "residual_of_final_speed": {
-                name: {"nominal": float(left[0]), "cases": left[1:].tolist()} for name, left in pulses.items()
+                name: {"nominal": float(left[0]), "cases": left[1:].tolist()}
+                for name, left in pulses.items()
             },
         },
         "sample_time_s": task.period_s,
@@ -103,7 +122,9 @@ def _row(row: Robustness) -> dict[str, Any]:
         "same_instant": row.same_instant.tolist(),
         "singer_seering": row.singer_seering.tolist(),
         "damping_only_same_instant": row.damping_only.tolist(),
-        "sampled": _impulses(row.sampled) | row.sampled_facts._asdict() if row.sampled and row.sampled_facts else None,
+        "sampled": _impulses(row.sampled) | row.sampled_facts._asdict()
+        if row.sampled and row.sampled_facts
+        else None,
     }
 
 
@@ -145,9 +166,15 @@ def _impulse_table(task: ShapingTask, rows: Sequence[Robustness]) -> Table:
 
 def _residual_table(task: ShapingTask, rows: Sequence[Robustness]) -> Table:
     alone = (f"damping alone ×{1.0 + task.damping_error:g}", f"×{1.0 - task.damping_error:g}")
-    view = plain_table("\nLeft of the swing [%] when frequency, damping are", ("shaper", "over", *_cases(task), *alone), left=2)
+    view = plain_table(
+        "\nLeft of the swing [%] when frequency, damping are",
+        ("shaper", "over", *_cases(task), *alone),
+        left=2,
+    )
     for row in rows:
-        view.add_row(row.name, "same instant", *_percent(row.same_instant), *_percent(row.damping_only))
+        view.add_row(
+            row.name, "same instant", *_percent(row.same_instant), *_percent(row.damping_only)
+        )
         view.add_row("", "at the start", *_percent(row.singer_seering))
     return view
 

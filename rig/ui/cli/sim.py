@@ -16,24 +16,44 @@ from rig.ui.cli.output import err, out, print_json
 
 
 def sim(
-    video: Annotated[Path, typer.Option(help=f"Video to write: {', '.join(CODECS)} (FFV1 is lossless).")],
-    truth: Annotated[Path, typer.Option(help="CSV to write: frame,t_s,angle_rad (at mid-exposure).")],
-    name: Annotated[str, typer.Argument(metavar="[EXPERIMENT]", help="Whose load and camera to show.")] = "free_decay",
+    video: Annotated[
+        Path, typer.Option(help=f"Video to write: {', '.join(CODECS)} (FFV1 is lossless).")
+    ],
+    truth: Annotated[
+        Path, typer.Option(help="CSV to write: frame,t_s,angle_rad (at mid-exposure).")
+    ],
+    name: Annotated[
+        str, typer.Argument(metavar="[EXPERIMENT]", help="Whose load and camera to show.")
+    ] = "free_decay",
     seconds: Annotated[float, typer.Option(min=0.1, max=3600, help="Length in s.")] = 10.0,
     seed: Annotated[int | None, typer.Option(help="Seed of the picture noise.")] = None,
-    overrides: Annotated[list[str] | None, typer.Option("--set", help="section.key=value, again and again.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")] = False,
+    overrides: Annotated[
+        list[str] | None, typer.Option("--set", help="section.key=value, again and again.")
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")
+    ] = False,
 ) -> int:
     """Render a load swinging freely at home, as the rig's camera sees it, and write down where it really was."""
     changes = [*(overrides or []), *([f"experiment.seed={seed}"] if seed is not None else [])]
     chosen = config.load(name, changes)
     with Progress(console=err, transient=True, disable=as_json) as bar:
         line = bar.add_task("rendering", total=round(seconds * chosen.camera.rate_hz))
-        frames = write_video(chosen, seconds, video, truth, lambda done: bar.update(line, completed=done))
+        frames = write_video(
+            chosen, seconds, video, truth, lambda done: bar.update(line, completed=done)
+        )
     x, y = bench.pivot_px(chosen)
     if as_json:
         rate_hz = chosen.camera.rate_hz
-        print_json({"video": str(video), "truth": str(truth), "frames": frames, "rate_hz": rate_hz, "pivot_px": [x, y]})
+        print_json(
+            {
+                "video": str(video),
+                "truth": str(truth),
+                "frames": frames,
+                "rate_hz": rate_hz,
+                "pivot_px": [x, y],
+            }
+        )
     else:
         megabytes = video.stat().st_size / 1e6
         out.print(f"{frames} frames in {video} ({megabytes:.0f} MB), truth in {truth}")

@@ -34,22 +34,42 @@ WITHOUT_BOUND = {NOT_ASKED: "any", UNDECIDED: "not told"}
 def size(
     file: Annotated[
         Path | None,
-        typer.Argument(help="TOML with the sections axis, screw and move, and more if wanted.", metavar="SPEC.toml"),
+        typer.Argument(
+            help="TOML with the sections axis, screw and move, and more if wanted.",
+            metavar="SPEC.toml",
+        ),
     ] = None,
     example: Annotated[
-        str | None, typer.Option(help=f"A worked axis of source 004 instead of a file: {' or '.join(EXAMPLES)}.")
+        str | None,
+        typer.Option(
+            help=f"A worked axis of source 004 instead of a file: {' or '.join(EXAMPLES)}."
+        ),
     ] = None,
     entry: Annotated[
-        str | None, typer.Option(help="Judge this entry of the catalogue instead of the spec's choice.", metavar="NAME")
+        str | None,
+        typer.Option(
+            help="Judge this entry of the catalogue instead of the spec's choice.", metavar="NAME"
+        ),
     ] = None,
     published: Annotated[
-        bool, typer.Option("--published", help="Show all figures that a source prints, not only those that are wrong.")
+        bool,
+        typer.Option(
+            "--published",
+            help="Show all figures that a source prints, not only those that are wrong.",
+        ),
     ] = False,
-    every: Annotated[bool, typer.Option("--all", help="Tell what each refused entry breaks, and by how much.")] = False,
+    every: Annotated[
+        bool, typer.Option("--all", help="Tell what each refused entry breaks, and by how much.")
+    ] = False,
     plot: Annotated[
-        Path | None, typer.Option(help="Draw the region of diameters and leads with the catalogue: .svg, .png or .pdf.")
+        Path | None,
+        typer.Option(
+            help="Draw the region of diameters and leads with the catalogue: .svg, .png or .pdf."
+        ),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")
+    ] = False,
 ) -> int:
     """Size a ball-screw axis: speed, buckling, life, lead, stiffness and motor, with margins; exit 3 when the choice fails.
 
@@ -61,7 +81,9 @@ def size(
         if entry not in sizing.catalogue:
             raise unknown_name("--entry", entry, sizing.catalogue)
         other = sizing.catalogue[entry]
-        sizing = sizing._replace(choice=other, published=sizing.published if other is sizing.choice else {})  # of the choice
+        sizing = sizing._replace(
+            choice=other, published=sizing.published if other is sizing.choice else {}
+        )  # of the choice
     result = judge(sizing)
     if plot is not None:
         from rig.ui.plots import picture_file  # matplotlib takes its time
@@ -77,22 +99,33 @@ def size(
 
 def _read(file: Path | None, example: str | None) -> Sizing:
     if file is not None and example is not None:
-        raise ConfigError(f"--example {example} with file '{file}'; must be one of the two: leave one out")
+        raise ConfigError(
+            f"--example {example} with file '{file}'; must be one of the two: leave one out"
+        )
     if file is None and example is None:
         raise ConfigError(f"SPEC.toml: missing; give a file, or look at --example {EXAMPLES[0]}")
-    return sizing_of(read_toml(file, "sizing") if file is not None else example_tables(example or ""))
+    return sizing_of(
+        read_toml(file, "sizing") if file is not None else example_tables(example or "")
+    )
 
 
 def _print(result: Judgement, every: bool, figures: bool) -> None:
     axis, judged, need = result.sizing.axis, result.judged, result.sizing.axis.demand
-    least = absolute_least_lead(axis.mounting, need.peak_speed_m_s, axis.shares.whirl, axis.balls_m_rpm())
+    least = absolute_least_lead(
+        axis.mounting, need.peak_speed_m_s, axis.shares.whirl, axis.balls_m_rpm()
+    )
     _say(
         f"cycle of {axis.cycle.duration_s:g} s over {digits.mm(need.travel_m)}: at most {number(need.peak_speed_m_s)} m/s, "
         f"{number(need.peak_acceleration_m_s2)} m/s², {number(need.peak_force_n)} N"
     )
-    _say(f"least lead of all screws: {digits.mm(least.lead_m)}, at a diameter of {digits.mm(least.diameter_m)}")
+    _say(
+        f"least lead of all screws: {digits.mm(least.lead_m)}, at a diameter of {digits.mm(least.diameter_m)}"
+    )
     wide.print(_checks(judged, _place(result)))
-    _say("margin: how far the value is on the safe side of its bound, over the bound; below 0 it is broken", "dim")
+    _say(
+        "margin: how far the value is on the safe side of its bound, over the bound; below 0 it is broken",
+        "dim",
+    )
     wide.print(_motion(result.motion, axis.cycle))
     for note in notes(axis, judged, result.figures):
         _say(note.text, "dim" if note.dim else "")
@@ -105,7 +138,9 @@ def _print(result: Judgement, every: bool, figures: bool) -> None:
 def _say(text: str, style: str = "", hang: str = "") -> None:
     """A paragraph as wide as the terminal, its further lines indented as `hang`."""
     whole = text.replace("N m", "N\N{NO-BREAK SPACE}m")
-    lines = textwrap.wrap(whole, out.width, subsequent_indent=hang, break_long_words=False, break_on_hyphens=False)
+    lines = textwrap.wrap(
+        whole, out.width, subsequent_indent=hang, break_long_words=False, break_on_hyphens=False
+    )
     out.print("\n".join(lines).replace("\N{NO-BREAK SPACE}", " "), style=style)
 
 
@@ -113,12 +148,20 @@ def _place(result: Judgement) -> str:
     """How the judged screw was found; empty for a choice."""
     if result.chosen:
         return ""
-    return f"best of the {result.fitting} that fit" if result.fitting else f"nearest of {len(result.found)}, of which none fits"
+    return (
+        f"best of the {result.fitting} that fit"
+        if result.fitting
+        else f"nearest of {len(result.found)}, of which none fits"
+    )
 
 
 def _print_verdict(result: Judgement) -> None:
     place = "" if result.chosen else f", {_place(result)} ({result.criterion})"
-    words = {"good": "fits", "doubtful": "fits as far as the catalogue tells", "bad": "does not fit"}
+    words = {
+        "good": "fits",
+        "doubtful": "fits as far as the catalogue tells",
+        "bad": "does not fit",
+    }
     line = f"verdict: {result.judged.candidate.name}{place}: {words[result.verdict]}"
     _say(line, f"{COLOUR[result.verdict]} bold", "  ")
     for reason in result.reasons:
@@ -136,9 +179,19 @@ def _checks(judged: Assessment, place: str) -> Table:
         untold = "-" if check.state == NOT_ASKED else "not told"
         (value, bound), unit = digits.shown((check.value, check.bound), check.unit)
         value = f"{value} {unit}" if value else untold
-        bound = f"{'≥' if check.at_least else '≤'} {bound} {unit}" if bound else WITHOUT_BOUND[check.state]
+        bound = (
+            f"{'≥' if check.at_least else '≤'} {bound} {unit}"
+            if bound
+            else WITHOUT_BOUND[check.state]
+        )
         margin = "" if check.margin is None else _share(check.margin, 2)
-        view.add_row(check.name, value, bound, margin, style={BROKEN: "red", UNDECIDED: "yellow"}.get(check.state, ""))
+        view.add_row(
+            check.name,
+            value,
+            bound,
+            margin,
+            style={BROKEN: "red", UNDECIDED: "yellow"}.get(check.state, ""),
+        )
     return view
 
 
@@ -152,8 +205,18 @@ def _motion(rows: Sequence[Row], cycle: Cycle) -> Table:
     """The motion-law table."""
     first = [cycle.moves.index(move) + 1 for move in cycle.counts]
     once = "" if len(first) == len(cycle.moves) else "; equal moves once"
-    view = Table(title=f"the cycle, phase by phase of each move; .0 is its rest{once}", title_justify="left")
-    for name in ("phase", "time\ns", "top speed\nm/s", "acceleration\nm/s²", "force\nN", "peak torque\nN m", "power\nW"):
+    view = Table(
+        title=f"the cycle, phase by phase of each move; .0 is its rest{once}", title_justify="left"
+    )
+    for name in (
+        "phase",
+        "time\ns",
+        "top speed\nm/s",
+        "acceleration\nm/s²",
+        "force\nN",
+        "peak torque\nN m",
+        "power\nW",
+    ):
         view.add_column(name, justify="right", no_wrap=True)
     for row in rows:
         if row.move in first:
@@ -175,8 +238,14 @@ def _print_catalogue(result: Judgement, every: bool) -> None:
     pad = max(len(a.candidate.name) for a in found)
     for a in found if every else found[: result.fitting]:
         head = f"  {a.candidate.name:<{pad}}  {number(1e3 * a.candidate.diameter_m)} x {number(1e3 * a.candidate.lead_m)}: "
-        told = "".join(f"; {check.note}" for check in a.checks if check.note and check.state != BROKEN)
-        _say(f"{head}{_breaks(a) if a.broken else _leaves(a)}{told}", "" if a.broken else "green", hang="      ")
+        told = "".join(
+            f"; {check.note}" for check in a.checks if check.note and check.state != BROKEN
+        )
+        _say(
+            f"{head}{_breaks(a) if a.broken else _leaves(a)}{told}",
+            "" if a.broken else "green",
+            hang="      ",
+        )
     if broken and not every:
         names = ", ".join(f"{a.candidate.name} ({_briefly(a)})" for a in broken)
         _say(f"  {len(broken)} do not fit, --all tells by how much: {names}", hang="    ")
@@ -185,14 +254,18 @@ def _print_catalogue(result: Judgement, every: bool) -> None:
 
 def _briefly(a: Assessment) -> str:
     """What it breaks, in a word or two each."""
-    return ", ".join(dict.fromkeys(check.name.partition(",")[0].removesuffix(" d n") for check in a.broken))
+    return ", ".join(
+        dict.fromkeys(check.name.partition(",")[0].removesuffix(" d n") for check in a.broken)
+    )
 
 
 def _breaks(a: Assessment) -> str:
     words = []
     for check in a.broken:
         (value, bound), unit = digits.shown((check.value, check.bound), check.unit)
-        words.append(f"{check.name} {value} {'<' if check.at_least else '>'} {bound} {unit} ({_share(check.margin or 0.0, 0)})")
+        words.append(
+            f"{check.name} {value} {'<' if check.at_least else '>'} {bound} {unit} ({_share(check.margin or 0.0, 0)})"
+        )
     return f"breaks {'; '.join(words)}"
 
 
@@ -208,7 +281,11 @@ def _print_origins(entries: Sequence[Candidate]) -> None:
     groups = Counter(entry.origin for entry in entries).most_common()
     for k, (origin, _) in reversed(list(enumerate(groups))):
         names = ", ".join(entry.name for entry in entries if entry.origin == origin)
-        _say(f"  origin of {names if k else 'all others' if len(groups) > 1 else 'all'}: {origin}", "dim", "    ")
+        _say(
+            f"  origin of {names if k else 'all others' if len(groups) > 1 else 'all'}: {origin}",
+            "dim",
+            "    ",
+        )
 
 
 def _print_published(printed: Sequence[Comparison], compared: Sequence[Comparison]) -> None:

@@ -29,7 +29,10 @@ from rig.ui.plots import picture_file
 
 BLENDS = "blends"
 KINDS = (*SPLINES, BLENDS)
-SHARES = {**{name: name for name in ALLOCATIONS}, "sqrt": "root"}  # what may be said: planners' name
+SHARES = {
+    **{name: name for name in ALLOCATIONS},
+    "sqrt": "root",
+}  # what may be said: planners' name
 STEPS = {  # what the rows of a table leave out
     "C0": ", its speed steps, at an end perhaps: an acceleration without bound",
     "C1": ", its acceleration steps, at an end perhaps: a jerk without bound",
@@ -37,7 +40,12 @@ STEPS = {  # what the rows of a table leave out
 SAMPLE_S = 0.01
 MOST_ROWS = 1_000_000
 SLOW_POINTS = 10  # a search through fewer takes no two seconds
-MOST_SEARCHED = {"cubic": 80, "four_three_four": 80, "b_spline_4": 25, "b_spline_5": 25}  # half a minute
+MOST_SEARCHED = {
+    "cubic": 80,
+    "four_three_four": 80,
+    "b_spline_4": 25,
+    "b_spline_5": 25,
+}  # half a minute
 MOST_INTERVALS = 12  # told one by one
 ROUNDING = 1e-9  # of a sample
 NOTHING = 1e-12  # of a peak: rounding, shown as 0
@@ -50,13 +58,19 @@ class Timing(NamedTuple):
 
     times_s: FloatArray  # (N,) from 0
     how: str
-    allocated_s: float | None = None  # duration with the shares of the allocation, when a shorter one was looked for
+    allocated_s: float | None = (
+        None  # duration with the shares of the allocation, when a shorter one was looked for
+    )
     reached: dict[str, float] | None = None  # share used of each limit
 
 
 def spline(
     file: Annotated[
-        Path, typer.Argument(help="CSV whose first line names columns: t_s (optional), x_m, y_m, z_m.", metavar="POINTS.csv")
+        Path,
+        typer.Argument(
+            help="CSV whose first line names columns: t_s (optional), x_m, y_m, z_m.",
+            metavar="POINTS.csv",
+        ),
     ],
     kind: Annotated[str, typer.Option(help=f"One of: {', '.join(KINDS)}.")] = "b_spline_5",
     allocation: Annotated[
@@ -65,18 +79,33 @@ def spline(
             help="How intervals share the time when the file has none: equal, proportional to the distance, or its sqrt."
         ),
     ] = "sqrt",
-    time: Annotated[float | None, typer.Option(help="Total time in s, for a file without times.")] = None,
+    time: Annotated[
+        float | None, typer.Option(help="Total time in s, for a file without times.")
+    ] = None,
     retime: Annotated[bool, typer.Option("--retime", help="Leave the file's times aside.")] = False,
     vmax: Annotated[
-        float | None, typer.Option(help="Limit on speed in m/s. Limits without times: the least total time is found.")
+        float | None,
+        typer.Option(
+            help="Limit on speed in m/s. Limits without times: the least total time is found."
+        ),
     ] = None,
-    amax: Annotated[float | None, typer.Option(help="Limit on acceleration in m/s²; that of blends.")] = None,
+    amax: Annotated[
+        float | None, typer.Option(help="Limit on acceleration in m/s²; that of blends.")
+    ] = None,
     jmax: Annotated[float | None, typer.Option(help="Limit on jerk in m/s³.")] = None,
-    position_min: Annotated[float | None, typer.Option(help="Lowest position of any axis in m.")] = None,
-    position_max: Annotated[float | None, typer.Option(help="Highest position of any axis in m.")] = None,
-    csv_file: Annotated[Path | None, typer.Option("--csv", help="Write position to jerk of every axis every 10 ms.")] = None,
+    position_min: Annotated[
+        float | None, typer.Option(help="Lowest position of any axis in m.")
+    ] = None,
+    position_max: Annotated[
+        float | None, typer.Option(help="Highest position of any axis in m.")
+    ] = None,
+    csv_file: Annotated[
+        Path | None, typer.Option("--csv", help="Write position to jerk of every axis every 10 ms.")
+    ] = None,
     plot: Annotated[Path | None, typer.Option(help="Draw the motion: .svg, .png or .pdf.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")
+    ] = False,
 ) -> int:
     """Pass points along X, Y and Z, from rest to rest but for natural, periodic and n_point; exit 3 when a limit is broken.
 
@@ -98,11 +127,18 @@ def spline(
         picture_file.check(plot)
     points = read_waypoints(file)
     through = _through(kind, limits)
-    with working(f"least time through {len(points.points_m)} points", quiet=len(points.points_m) < SLOW_POINTS):
+    with working(
+        f"least time through {len(points.points_m)} points",
+        quiet=len(points.points_m) < SLOW_POINTS,
+    ):
         timing = _timing(points, kind, allocation, limits, time, retime)
     paths = {axis: _path(through, timing.times_s, row) for axis, row in _rows(points)}
     found = {axis: analyse(path, timing.times_s, limits) for axis, path in paths.items()}
-    warnings = [f"{axis}: {text}" for axis, path in paths.items() for text in (*found[axis].warnings, *_steps(path, limits))]
+    warnings = [
+        f"{axis}: {text}"
+        for axis, path in paths.items()
+        for text in (*found[axis].warnings, *_steps(path, limits))
+    ]
     if csv_file is not None:
         _write_csv(paths, csv_file)
     if plot is not None:
@@ -123,29 +159,51 @@ def _through(kind: str, limits: AxisLimits) -> Callable[[FloatArray, FloatArray]
     if kind != BLENDS:
         return SPLINES[kind]
     if not math.isfinite(limits.acceleration_m_s2):
-        raise ConfigError("--kind blends without --amax; must have the acceleration of its parabolas: give it in m/s²")
-    return lambda times, points: parabolic_blends(times, points, limits.acceleration_m_s2).trajectory
+        raise ConfigError(
+            "--kind blends without --amax; must have the acceleration of its parabolas: give it in m/s²"
+        )
+    return lambda times, points: (
+        parabolic_blends(times, points, limits.acceleration_m_s2).trajectory
+    )
 
 
-def _path(through: Callable[[FloatArray, FloatArray], Trajectory], times_s: FloatArray, points_m: FloatArray) -> Trajectory:
+def _path(
+    through: Callable[[FloatArray, FloatArray], Trajectory],
+    times_s: FloatArray,
+    points_m: FloatArray,
+) -> Trajectory:
     if np.ptp(points_m) == 0.0:
         return Trajectory.hold(float(points_m[0]), float(times_s[-1]))
     return through(times_s, points_m)
 
 
-def _timing(points: Waypoints, kind: str, allocation: str, limits: AxisLimits, total_s: float | None, retime: bool) -> Timing:
+def _timing(
+    points: Waypoints,
+    kind: str,
+    allocation: str,
+    limits: AxisLimits,
+    total_s: float | None,
+    retime: bool,
+) -> Timing:
     """The file's times, the total time shared, or the least time within the limits."""
     if points.times_s is not None and not retime:
         if total_s is not None:
-            raise ConfigError(f"--time {total_s:g} with a column t_s; must be one of the two: add --retime to drop the column")
+            raise ConfigError(
+                f"--time {total_s:g} with a column t_s; must be one of the two: add --retime to drop the column"
+            )
         return Timing(points.times_s - points.times_s[0], "at the file's times")
     start = SHARES[allocation]
     if total_s is not None:
-        return Timing(_from_zero(allocate(points.points_m, total_s, ALLOCATIONS[start])), f"{allocation} shares")
+        return Timing(
+            _from_zero(allocate(points.points_m, total_s, ALLOCATIONS[start])),
+            f"{allocation} shares",
+        )
     bounds = {name: getattr(limits, name) for name in OF_ORDER.values()}
     if kind == BLENDS or not any(map(math.isfinite, bounds.values())):
         other = "" if kind == BLENDS else ", or a limit for the least time: --vmax, --amax, --jmax"
-        raise ConfigError(f"the points have no times for --kind {kind}; must have t_s in the file, or --time{other}: give one")
+        raise ConfigError(
+            f"the points have no times for --kind {kind}; must have t_s in the file, or --time{other}: give one"
+        )
     shares = _from_zero(allocate(points.points_m, 1.0, ALLOCATIONS[start]))
     searched = kind in SHAPES and shares.size > 2
     if searched and shares.size > MOST_SEARCHED[kind]:
@@ -155,7 +213,10 @@ def _timing(points: Waypoints, kind: str, allocation: str, limits: AxisLimits, t
         )
     least = minimum_time(kind, points.points_m, limits, starts=(start,)) if searched else None
     moving = [row for row in points.points_m.T if np.ptp(row)]
-    allocated_s = max((within_limits(SPLINES[kind](shares, row), **bounds).duration_s for row in moving), default=1.0)
+    allocated_s = max(
+        (within_limits(SPLINES[kind](shares, row), **bounds).duration_s for row in moving),
+        default=1.0,
+    )
     if least is None:
         return Timing(shares * allocated_s, f"{allocation} shares, as fast as the limits allow")
     return Timing(least.times_s, "the least time within the limits", allocated_s, least.reached)
@@ -163,7 +224,10 @@ def _timing(points: Waypoints, kind: str, allocation: str, limits: AxisLimits, t
 
 def _rows(points: Waypoints) -> Iterator[tuple[str, FloatArray]]:
     """Name and positions (N,) of every axis that the file has."""
-    return ((column.removesuffix("_m"), points.points_m[:, AXES.index(column)]) for column in points.axes)
+    return (
+        (column.removesuffix("_m"), points.points_m[:, AXES.index(column)])
+        for column in points.axes
+    )
 
 
 def _from_zero(durations_s: FloatArray) -> FloatArray:
@@ -172,7 +236,9 @@ def _from_zero(durations_s: FloatArray) -> FloatArray:
 
 def _continuity(path: Trajectory) -> str:
     """The highest derivative without a step, at the ends too: Cn; speed at an end is C0."""
-    return f"C{next(k for k in range(SMOOTHEST + 1) if k == SMOOTHEST or not path.continuous(k + 1))}"
+    return (
+        f"C{next(k for k in range(SMOOTHEST + 1) if k == SMOOTHEST or not path.continuous(k + 1))}"
+    )
 
 
 def _steps(path: Trajectory, limits: AxisLimits) -> Iterator[str]:
@@ -191,7 +257,12 @@ def _miss_m(path: Trajectory, times_s: FloatArray, points_m: FloatArray) -> floa
 
 
 def _document(
-    kind: str, points: Waypoints, timing: Timing, paths: dict[str, Trajectory], found: dict[str, Analysis], warnings: list[str]
+    kind: str,
+    points: Waypoints,
+    timing: Timing,
+    paths: dict[str, Trajectory],
+    found: dict[str, Analysis],
+    warnings: list[str],
 ) -> dict[str, object]:
     axes = {
         axis: {
@@ -216,14 +287,19 @@ def _document(
 
 
 def _table(kind: str, timing: Timing, found: dict[str, Analysis]) -> Table:
-    title = f"{kind} through {timing.times_s.size} points in {timing.times_s[-1]:.6f} s, {timing.how}"
+    title = (
+        f"{kind} through {timing.times_s.size} points in {timing.times_s[-1]:.6f} s, {timing.how}"
+    )
     view = Table(title=title, title_justify="left", box=None, padding=(0, 2, 0, 0))
     for header in ("", "", "lowest", "highest", "peak", "at [s]", "interval", "rms"):
         view.add_column(header, justify="right" if header else "left", no_wrap=True)
     for axis, analysis in found.items():
         for name, unit in zip(NAMES, UNITS, strict=True):
             r = getattr(analysis, name)
-            figures = [f"{value if abs(value) > NOTHING * r.peak else 0.0:.6g}" for value in (r.low, r.high, r.peak)]
+            figures = [
+                f"{value if abs(value) > NOTHING * r.peak else 0.0:.6g}"
+                for value in (r.low, r.high, r.peak)
+            ]
             word = name.split("_")[0]
             view.add_row(
                 axis,
@@ -237,17 +313,27 @@ def _table(kind: str, timing: Timing, found: dict[str, Analysis]) -> Table:
     return view
 
 
-def _tell(kind: str, points: Waypoints, timing: Timing, paths: dict[str, Trajectory], warnings: list[str]) -> None:
+def _tell(
+    kind: str, points: Waypoints, timing: Timing, paths: dict[str, Trajectory], warnings: list[str]
+) -> None:
     """What the table cannot say."""
     lasts = ", ".join(f"{h:.6g}" for h in np.diff(timing.times_s)[:MOST_INTERVALS].tolist())
     more = ", ..." if timing.times_s.size > MOST_INTERVALS + 1 else ""
     out.print(f"intervals, from 0 on: {lasts}{more} s")
     if timing.allocated_s is not None and timing.reached is not None:
-        shares = ", ".join(f"{share:.2%} of {name.split('_')[0]}" for name, share in timing.reached.items())
-        out.print(f"used of the limits: {shares}; the allocation alone, only scaled: {timing.allocated_s:.6f} s")
+        shares = ", ".join(
+            f"{share:.2%} of {name.split('_')[0]}" for name, share in timing.reached.items()
+        )
+        out.print(
+            f"used of the limits: {shares}; the allocation alone, only scaled: {timing.allocated_s:.6f} s"
+        )
     for axis, row in _rows(points):
         smooth = _continuity(paths[axis])
-        passed = f"; passes a point by {_miss_m(paths[axis], timing.times_s, row):.6g} m" if kind == BLENDS else ""
+        passed = (
+            f"; passes a point by {_miss_m(paths[axis], timing.times_s, row):.6g} m"
+            if kind == BLENDS
+            else ""
+        )
         out.print(f"{axis}: {smooth}{STEPS.get(smooth, '')}{passed}")
     for warning in warnings:
         out.print(f"over limits: {warning}", style="yellow")
@@ -256,10 +342,14 @@ def _tell(kind: str, points: Waypoints, timing: Timing, paths: dict[str, Traject
 def _write_csv(paths: dict[str, Trajectory], file: Path) -> None:
     end = max(path.duration_s for path in paths.values())
     if end > MOST_ROWS * SAMPLE_S:
-        raise ConfigError(f"--csv of {end:g} s every {SAMPLE_S:g} s; must be <= {MOST_ROWS} rows: give a shorter --time")
+        raise ConfigError(
+            f"--csv of {end:g} s every {SAMPLE_S:g} s; must be <= {MOST_ROWS} rows: give a shorter --time"
+        )
     t = np.minimum(SAMPLE_S * np.arange(math.ceil(end / SAMPLE_S - ROUNDING) + 1), end)
     head = [f"{axis}_{unit}" for axis in paths for unit in ("m", "m_s", "m_s2", "m_s3")]
-    columns = np.column_stack([t, *(path.at(t, order) for path in paths.values() for order in range(4))])
+    columns = np.column_stack(
+        [t, *(path.at(t, order) for path in paths.values() for order in range(4))]
+    )
     with file.open("w", newline="") as target:
         rows = csv.writer(target)
         rows.writerow(["t_s", *head])

@@ -18,7 +18,9 @@ ANSWER_MS = 3000
 
 def stop(
     runs: Annotated[Path, typer.Option(help="Where run folders are.")] = Path("runs"),
-    emergency: Annotated[bool, typer.Option("--emergency", help="Emergency stop: the run ends as a fault (exit 5).")] = False,
+    emergency: Annotated[
+        bool, typer.Option("--emergency", help="Emergency stop: the run ends as a fault (exit 5).")
+    ] = False,
 ) -> int:
     """Stop every experiment running under RUNS, in order: the robot first, then the log is closed."""
     running = [(p, *_read(p)) for p in sorted(runs.glob("*/operator.json"))]
@@ -34,7 +36,9 @@ def stop(
     code = 0
     for path, address in alive:
         answer = ask(address, "estop" if emergency else "stop", ANSWER_MS)
-        out.print(f"{path.parent.name}: {answer or 'no answer: press the emergency stop of the robot'}")
+        out.print(
+            f"{path.parent.name}: {answer or 'no answer: press the emergency stop of the robot'}"
+        )
         code = code if answer else FAULT
     return code
 

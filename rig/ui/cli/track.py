@@ -30,32 +30,63 @@ class Row(NamedTuple):
 
 def track(
     video: Annotated[Path, typer.Argument(metavar="VIDEO", help="Video file.")],
-    pivot: Annotated[str, typer.Option(metavar="X,Y", help="Cable's upper end in the picture, in pixels; may lie outside it.")],
-    csv_file: Annotated[Path | None, typer.Option("--csv", help=f"Write one row a frame: {','.join(FIELDS)}.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")] = False,
+    pivot: Annotated[
+        str,
+        typer.Option(
+            metavar="X,Y", help="Cable's upper end in the picture, in pixels; may lie outside it."
+        ),
+    ],
+    csv_file: Annotated[
+        Path | None, typer.Option("--csv", help=f"Write one row a frame: {','.join(FIELDS)}.")
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")
+    ] = False,
 ) -> int:
     """Cable angle in every frame of a video; exit 6 when no frame shows a cable through the pivot."""
     pivot_px = _pivot(pivot)
     if not video.is_file():
-        raise ConfigError(f"{video}: {'a folder' if video.is_dir() else 'no such file'}; name a video file")
+        raise ConfigError(
+            f"{video}: {'a folder' if video.is_dir() else 'no such file'}; name a video file"
+        )
     rows = list(_rows(video, pivot_px))
     if not rows:
-        raise VisionError(f"{video}: no frame could be read: the file is cut short or empty; record it again")
+        raise VisionError(
+            f"{video}: no frame could be read: the file is cut short or empty; record it again"
+        )
     if csv_file is not None:
         with csv_file.open("w", newline="") as file:
             writer = csv.writer(file)
             writer.writerow(FIELDS)
-            writer.writerows(["" if v is None else str(v).lower() if isinstance(v, bool) else v for v in row] for row in rows)
+            writer.writerows(
+                ["" if v is None else str(v).lower() if isinstance(v, bool) else v for v in row]
+                for row in rows
+            )
     valid = [row for row in rows if row.valid]
     refused = dict(Counter(row.reason for row in rows if not row.valid))
     code = 0 if valid else BAD_DATA
-    reasons = [] if valid else [f"no frame of {video} shows a cable through {pivot} ({refused}): check --pivot and the light"]
+    reasons = (
+        []
+        if valid
+        else [
+            f"no frame of {video} shows a cable through {pivot} ({refused}): check --pivot and the light"
+        ]
+    )
     if as_json:
         status = "ok" if valid else "bad_data"
-        document = {"exit_status": status, "video": str(video), "frames": len(rows), "valid": len(valid), "refused": refused}
+        document = {
+            "exit_status": status,
+            "video": str(video),
+            "frames": len(rows),
+            "valid": len(valid),
+            "refused": refused,
+        }
         print_json(document | {"reasons": reasons, "rows": [row._asdict() for row in rows]})
         return code
-    out.print(f"{video}: {len(valid)} of {len(rows)} frames gave an angle" + (f"; refused: {refused}" if refused else ""))
+    out.print(
+        f"{video}: {len(valid)} of {len(rows)} frames gave an angle"
+        + (f"; refused: {refused}" if refused else "")
+    )
     if valid:
         angles = [row.angle_rad or 0.0 for row in valid]
         out.print(f"angle from {min(angles) * 1e3:.2f} to {max(angles) * 1e3:.2f} mrad")
@@ -68,9 +99,13 @@ def _pivot(text: str) -> tuple[float, float]:
     try:
         x, y = (float(part) for part in text.split(","))
     except ValueError:
-        raise ConfigError(f"--pivot '{text}': must be X,Y in pixels, for example --pivot 320,-40") from None
+        raise ConfigError(
+            f"--pivot '{text}': must be X,Y in pixels, for example --pivot 320,-40"
+        ) from None
     if not math.isfinite(x + y):
-        raise ConfigError(f"--pivot '{text}': must be two finite numbers of pixels, for example --pivot 320,-40")
+        raise ConfigError(
+            f"--pivot '{text}': must be two finite numbers of pixels, for example --pivot 320,-40"
+        )
     return x, y
 
 

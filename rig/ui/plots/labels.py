@@ -19,7 +19,9 @@ SIDES = (  # offset in points of print, and how the name is set there
 )
 
 
-def label_points(panel: Axes, places: Sequence[tuple[float, float]], labels: Mapping[int, tuple[str, str]]) -> list[Annotation]:
+def label_points(
+    panel: Axes, places: Sequence[tuple[float, float]], labels: Mapping[int, tuple[str, str]]
+) -> list[Annotation]:
     """Write name and colour beside the points of those numbers; where no side is free, the first one is taken.
 
     Limits and all other artists of the chart must be there, as the layout is done here.
@@ -28,11 +30,16 @@ def label_points(panel: Axes, places: Sequence[tuple[float, float]], labels: Map
     figure.draw_without_rendering()  # type: ignore[union-attr]  # lays out
     reach = MARK / 72.0 * figure.dpi / 2.0
     pixels = panel.transData.transform(np.asarray(places))
-    taken, written = [Bbox.from_bounds(x - reach, y - reach, 2.0 * reach, 2.0 * reach) for x, y in pixels], []
+    taken, written = (
+        [Bbox.from_bounds(x - reach, y - reach, 2.0 * reach, 2.0 * reach) for x, y in pixels],
+        [],
+    )
     for number, (name, colour) in labels.items():
         tries = [_write(panel, name, colour, places[number], side) for side in SIDES]
         boxes = [note.get_window_extent() for note in tries]
-        hidden = [sum(box.overlaps(other) for other in taken) + _outside(panel, box) for box in boxes]
+        hidden = [
+            sum(box.overlaps(other) for other in taken) + _outside(panel, box) for box in boxes
+        ]
         best = int(np.argmin(hidden))
         for k, note in enumerate(tries):
             if k != best:
@@ -43,11 +50,23 @@ def label_points(panel: Axes, places: Sequence[tuple[float, float]], labels: Map
 
 
 def _write(
-    panel: Axes, name: str, colour: str, place: tuple[float, float], side: tuple[tuple[float, float], str, str]
+    panel: Axes,
+    name: str,
+    colour: str,
+    place: tuple[float, float],
+    side: tuple[tuple[float, float], str, str],
 ) -> Annotation:
     offset, across, up = side
     return panel.annotate(
-        name, place, offset, textcoords="offset points", ha=across, va=up, fontsize=9, color=colour, annotation_clip=False
+        name,
+        place,
+        offset,
+        textcoords="offset points",
+        ha=across,
+        va=up,
+        fontsize=9,
+        color=colour,
+        annotation_clip=False,
     )
 
 

@@ -39,7 +39,9 @@ def draw_laws(names: Sequence[str]) -> Figure:
     return _overlaid(names) if len(names) <= MOST_OVERLAID else _rows(names)
 
 
-def draw_motion(axes: Mapping[str, Trajectory], times_s: FloatArray, limits: AxisLimits, title: str) -> Figure:
+def draw_motion(
+    axes: Mapping[str, Trajectory], times_s: FloatArray, limits: AxisLimits, title: str
+) -> Figure:
     """Position, speed, acceleration and jerk of each axis; points (times_s (N,)), limits and peaks are marked."""
     figure = Figure(figsize=(10.0, 10.0), layout="constrained")
     panels = figure.subplots(4, 1, sharex=True)
@@ -50,9 +52,13 @@ def draw_motion(axes: Mapping[str, Trajectory], times_s: FloatArray, limits: Axi
             peak = path.peak(order)
             if order and peak.value:
                 low, high = path.extent(order)
-                panel.plot(peak.t_s, high if high >= -low else low, "o", ms=7, mfc="none", color=colour)
+                panel.plot(
+                    peak.t_s, high if high >= -low else low, "o", ms=7, mfc="none", color=colour
+                )
         panels[0].plot(times_s, path.at(times_s), ".", ms=9, color=colour)
-    for panel, label in zip(panels, ("position [m]", "speed [m/s]", "acceleration [m/s²]", "jerk [m/s³]"), strict=True):
+    for panel, label in zip(
+        panels, ("position [m]", "speed [m/s]", "acceleration [m/s²]", "jerk [m/s³]"), strict=True
+    ):
         panel.set_ylabel(label)
         panel.grid(alpha=0.3, axis="y")
         for t_s in times_s.tolist() if times_s.size <= MOST_LINES else ():
@@ -73,23 +79,38 @@ def draw_motor(task: MotorTask, trajectory: Trajectory, verdict: Verdict) -> Fig
     plane.plot(*operating_points(drivetrain, trajectory), color=INK, lw=1.8, label="motion")
     t, values = _samples(torque(drivetrain, trajectory), 0)
     end_s = trajectory.duration_s + task.motion.rest_s
-    course.plot([0.0, *t, trajectory.duration_s, end_s], [0.0, *values, 0.0, 0.0], color=INK, lw=1.8, label="torque")
+    course.plot(
+        [0.0, *t, trajectory.duration_s, end_s],
+        [0.0, *values, 0.0, 0.0],
+        color=INK,
+        lw=1.8,
+        label="torque",
+    )
     for bound, shade in ((motor.peak_torque_n_m, HOT), (motor.continuous_torque_n_m, CALM)):
         for side in (-bound, bound):
             course.axhline(side, color=shade, lw=1.0)
-    course.axhline(verdict.cycle_torque_n_m, color=colour, lw=1.4, ls=":", label="its rms, with rest")
-    for panel, x, y in ((plane, "speed of the motor [rad/s]", "torque [N m]"), (course, "time [s]", "")):
+    course.axhline(
+        verdict.cycle_torque_n_m, color=colour, lw=1.4, ls=":", label="its rms, with rest"
+    )
+    for panel, x, y in (
+        (plane, "speed of the motor [rad/s]", "torque [N m]"),
+        (course, "time [s]", ""),
+    ):
         _dress(panel, x, y)
         panel.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=3, frameon=False)
     verdict_word = "feasible" if verdict.feasible else "not feasible"
-    tightest = f"tightest limit: {verdict.tightest}, margin {verdict.margins[verdict.tightest]:+.1%}"
+    tightest = (
+        f"tightest limit: {verdict.tightest}, margin {verdict.margins[verdict.tightest]:+.1%}"
+    )
     figure.suptitle(f"{verdict_word}; {tightest}", ha="left", x=0.01, color=colour)
     return figure
 
 
 def _overlaid(names: Sequence[str]) -> Figure:
     figure = Figure(figsize=(14.0, 8.5), layout="constrained")
-    panels = figure.subplot_mosaic([["0", "1", "spectrum"], ["2", "3", "spectrum"]], width_ratios=(1.0, 1.0, 1.3))
+    panels = figure.subplot_mosaic(
+        [["0", "1", "spectrum"], ["2", "3", "spectrum"]], width_ratios=(1.0, 1.0, 1.3)
+    )
     tops = _tops(names)
     for name, colour in zip(names, COLOURS, strict=False):
         for order in range(4):
@@ -106,8 +127,12 @@ def _rows(names: Sequence[str]) -> Figure:
     """A law a row, one scale a column."""
     tall = 1.25 * len(names) + 1.8  # inches
     figure = Figure(figsize=(16.0, tall))
-    panels = figure.subplots(len(names), 5, sharex="col", sharey="col", width_ratios=(1.0, 1.0, 1.0, 1.0, 1.5))
-    figure.subplots_adjust(left=0.14, right=0.98, bottom=0.7 / tall, top=1.0 - 1.1 / tall, wspace=0.2, hspace=0.25)
+    panels = figure.subplots(
+        len(names), 5, sharex="col", sharey="col", width_ratios=(1.0, 1.0, 1.0, 1.0, 1.5)
+    )
+    figure.subplots_adjust(
+        left=0.14, right=0.98, bottom=0.7 / tall, top=1.0 - 1.1 / tall, wspace=0.2, hspace=0.25
+    )
     tops = _tops(names)
     for name, row in zip(names, panels, strict=True):
         figures = coefficients(name)
@@ -119,9 +144,19 @@ def _rows(names: Sequence[str]) -> Figure:
             panel.spines[["top", "right", "left", "bottom"]].set_visible(False)
             panel.axhline(0.0, color=GREY, lw=0.6)
             panel.tick_params(length=0, labelsize=8, colors=GREY)
-        row[0].set_ylabel(_title(name), rotation=0, ha="right", va="bottom", labelpad=12, fontsize=12, color=colour)
+        row[0].set_ylabel(
+            _title(name),
+            rotation=0,
+            ha="right",
+            va="bottom",
+            labelpad=12,
+            fontsize=12,
+            color=colour,
+        )
         under = f"{figures.continuity}   Cv {figures.cv:.4g}   Ca {figures.ca:.4g}"
-        row[0].annotate(under, (-0.2, 0.32), xycoords="axes fraction", ha="right", fontsize=8, color=GREY)
+        row[0].annotate(
+            under, (-0.2, 0.32), xycoords="axes fraction", ha="right", fontsize=8, color=GREY
+        )
     for panel, title in zip(panels[0], (*TITLES, SPECTRUM), strict=True):
         panel.set_title(title, fontsize=11, pad=10)
     for panel, label in zip(panels[-1], ("t / T",) * 4 + (OMEGA,), strict=True):
@@ -135,7 +170,9 @@ def _tops(names: Sequence[str]) -> list[float]:
     return [max(LAWS[name](1.0).peak(order).value for name in names) for order in range(4)]
 
 
-def _law(panel: Axes, name: str, order: int, colour: str, top: float, *, shade: bool = True) -> None:
+def _law(
+    panel: Axes, name: str, order: int, colour: str, top: float, *, shade: bool = True
+) -> None:
     """One derivative; a step in acceleration is a jerk without bound, drawn as an arrow."""
     law = LAWS[name](1.0)
     t, values = _samples(law, order)
@@ -155,7 +192,10 @@ def _steps(law: Trajectory) -> list[tuple[float, bool]]:
     """Instants at which the acceleration steps, and whether upwards."""
     ends = [piece.at(np.array([0.0, piece.duration_s]), 2).tolist() for piece in law.pieces]
     values = [0.0, *(value for pair in ends for value in pair), 0.0]
-    steps = [(t_s, after - before) for t_s, before, after in zip(law.breaks_s, values[::2], values[1::2], strict=True)]
+    steps = [
+        (t_s, after - before)
+        for t_s, before, after in zip(law.breaks_s, values[::2], values[1::2], strict=True)
+    ]
     return [(float(t_s), step > 0.0) for t_s, step in steps if abs(step) > JUMP * law.peak(2).value]
 
 
@@ -176,7 +216,9 @@ def _samples(path: Trajectory, order: int) -> tuple[FloatArray, FloatArray]:
     times = [np.linspace(0.0, piece.duration_s, points) for piece in path.pieces]
     values = [piece.at(t, order) for piece, t in zip(path.pieces, times, strict=True)]
     starts = path.breaks_s[:-1].tolist()
-    return np.concatenate([start + t for start, t in zip(starts, times, strict=True)]), np.concatenate(values)
+    return np.concatenate(
+        [start + t for start, t in zip(starts, times, strict=True)]
+    ), np.concatenate(values)
 
 
 def _limit_lines(panels: Sequence[Axes], limits: AxisLimits) -> None:
@@ -197,7 +239,12 @@ def _regions(plane: Axes, motor: Motor) -> None:
         both = np.concatenate([-speed[::-1], speed])
         top = np.concatenate([edge[::-1], edge])
         plane.fill_between(both, -top, top, color=shade, alpha=0.16, lw=0, label=name)
-        plane.plot([*both, both[-1], *both[::-1], both[0]], [*top, -top[-1], *-top, top[0]], color=shade, lw=1.0)
+        plane.plot(
+            [*both, both[-1], *both[::-1], both[0]],
+            [*top, -top[-1], *-top, top[0]],
+            color=shade,
+            lw=1.0,
+        )
 
 
 def _dress(panel: Axes, x: str, y: str) -> None:

@@ -17,14 +17,18 @@ DPI = 130
 def check(path: Path) -> None:
     """Raises ConfigError for an ending that is no picture, and for no folder; worth asking before long work."""
     if path.suffix.lower() not in FORMATS:
-        raise ConfigError(f"--plot {str(path)!r}; must end in one of {', '.join(FORMATS)}: rename it")
+        raise ConfigError(
+            f"--plot {str(path)!r}; must end in one of {', '.join(FORMATS)}: rename it"
+        )
     check_folder("--plot", path)
 
 
 def check_folder(option: str, path: Path) -> None:
     """Raises ConfigError for a file in no folder."""
     if not path.parent.is_dir():
-        raise ConfigError(f"{option} {str(path)!r}: no folder '{path.parent}'; must be there: make it, or name another")
+        raise ConfigError(
+            f"{option} {str(path)!r}: no folder '{path.parent}'; must be there: make it, or name another"
+        )
 
 
 def save(figure: Figure, path: Path) -> None:

@@ -19,10 +19,16 @@ def draw_plan(plan: Plan) -> Figure:
     """Position, speed and acceleration over the move; the true load's angles until AFTER_PERIODS later."""
     move, model, n = plan.motion.x, plan.problem.model, plan.problem.model.links_count
     after_s = AFTER_PERIODS * 2 * math.pi / model.natural_frequency_rad_s
-    still = Trajectory((*move.pieces, *Trajectory.hold(float(move.at(move.duration_s)), after_s).pieces))
+    still = Trajectory(
+        (*move.pieces, *Trajectory.hold(float(move.at(move.duration_s)), after_s).pieces)
+    )
     start = plan.problem.start()
     swing = replay(
-        model, still, angles_rad=start[2 : 2 + n], rates_rad_s=start[2 + n : 2 + 2 * n], speed_before_m_s=float(start[1])
+        model,
+        still,
+        angles_rad=start[2 : 2 + n],
+        rates_rad_s=start[2 + n : 2 + 2 * n],
+        speed_before_m_s=float(start[1]),
     )
     figure = Figure(figsize=(10.0, 9.0), layout="constrained")
     axes = figure.subplots(4, 1, sharex=True)
@@ -32,7 +38,13 @@ def draw_plan(plan: Plan) -> Figure:
         axes[order].plot(t, move.at(t, order), color="#1565c0", lw=1.6)
     for k in range(n):
         label = f"link {k + 1}" if n > 1 else "cable"
-        axes[3].plot(swing.t_s, swing.angle_rad[:, k] * 1e3, color=COLOURS[k % len(COLOURS)], lw=1.4, label=label)
+        axes[3].plot(
+            swing.t_s,
+            swing.angle_rad[:, k] * 1e3,
+            color=COLOURS[k % len(COLOURS)],
+            lw=1.4,
+            label=label,
+        )
     axes[3].legend(loc="upper right", frameon=False)
     for panel, label in zip(axes, labels, strict=True):
         panel.set_ylabel(label)
@@ -40,5 +52,7 @@ def draw_plan(plan: Plan) -> Figure:
         panel.grid(alpha=0.3)
     axes[3].set_xlabel("time [s]; the move is shaded, the load is the nonlinear one")
     p = plan.problem
-    figure.suptitle(f"{plan.planner}: {p.distance_m:g} m in {p.time_s:g} s, {p.input} input", ha="left", x=0.01)
+    figure.suptitle(
+        f"{plan.planner}: {p.distance_m:g} m in {p.time_s:g} s, {p.input} input", ha="left", x=0.01
+    )
     return figure

@@ -30,11 +30,19 @@ def position(run: RunLog, twin: RunLog | None) -> Figure:
     upper.plot(*_cut(t_sent, commanded, t0, t1, run.t_move_s), color=TWIN, lw=1, label="commanded")
     upper.plot(*_cut(t_actual, actual, t0, t1, run.t_move_s), color=ACTUAL, lw=1.2, label="actual")
     error = (actual - run.planned_m(t_actual)) * 1e3
-    lower.plot(*_cut(t_actual, error, t0, t1, run.t_move_s), color=ACTUAL, lw=1.2, label="actual - planned")
+    lower.plot(
+        *_cut(t_actual, error, t0, t1, run.t_move_s), color=ACTUAL, lw=1.2, label="actual - planned"
+    )
     if twin is not None:
         _, _, t_twin, actual_twin = twin.robot.T
         a, b = _move_window(twin)
-        upper.plot(*_cut(t_twin, actual_twin, a, b, twin.t_move_s), color=TRUE, lw=1, ls="--", label="actual, without losses")
+        upper.plot(
+            *_cut(t_twin, actual_twin, a, b, twin.t_move_s),
+            color=TRUE,
+            lw=1,
+            ls="--",
+            label="actual, without losses",
+        )
         lower.plot(
             *_cut(t_twin, (actual_twin - twin.planned_m(t_twin)) * 1e3, a, b, twin.t_move_s),
             color=TRUE, lw=1, ls="--", label="without losses",
@@ -51,7 +59,13 @@ def swing(run: RunLog, twin: RunLog | None) -> Figure:
     t_true, true, rate, _ = run.truth.T
     zero = run.t_move_s
     if twin is not None:
-        upper.plot(twin.truth[:, 0] - twin.t_move_s, twin.truth[:, 1] * 1e3, color=TWIN, lw=1, label="true, without losses")
+        upper.plot(
+            twin.truth[:, 0] - twin.t_move_s,
+            twin.truth[:, 1] * 1e3,
+            color=TWIN,
+            lw=1,
+            label="true, without losses",
+        )
     if t_true.size:
         upper.plot(t_true - zero, true * 1e3, color=TRUE, lw=1.6, label="true")
     upper.plot(t - zero, angle * 1e3, ".", ms=2, color=MEASURED, label="measured")
@@ -78,16 +92,29 @@ def residual(run: RunLog, fit: DecayFit | None, twin: RunLog | None) -> Figure:
     if twin is not None:
         later = twin.truth[:, 0] >= twin.t_settled_s
         axes.plot(
-            twin.truth[later, 0] - twin.t_move_s, twin.truth[later, 1] * 1e3, color=TWIN, lw=1, label="true, without losses"
+            twin.truth[later, 0] - twin.t_move_s,
+            twin.truth[later, 1] * 1e3,
+            color=TWIN,
+            lw=1,
+            label="true, without losses",
         )
     later = run.truth[:, 0] >= after
-    axes.plot(run.truth[later, 0] - zero, run.truth[later, 1] * 1e3, color=TRUE, lw=1.5, label="true")
+    axes.plot(
+        run.truth[later, 0] - zero, run.truth[later, 1] * 1e3, color=TRUE, lw=1.5, label="true"
+    )
     seen = t >= after
     axes.plot(t[seen] - zero, angle[seen] * 1e3, ".", ms=2.5, color=MEASURED, label="measured")
     if fit is not None and seen.any():
         fine = np.linspace(t[seen][0], t[seen][-1], 800)
         axes.plot(fine - zero, fit.angle(fine) * 1e3, color=ACTUAL, lw=0.9, label="fitted decay")
-        axes.plot(fine - zero, (fit.offset_rad + fit.amplitude_at(fine)) * 1e3, color=ACTUAL, lw=0.6, ls=":", label="amplitude")
+        axes.plot(
+            fine - zero,
+            (fit.offset_rad + fit.amplitude_at(fine)) * 1e3,
+            color=ACTUAL,
+            lw=0.6,
+            ls=":",
+            label="amplitude",
+        )
     _finish(axes, "swing [mrad]", "time from the start of the move [s]")
     return figure
 
@@ -106,12 +133,18 @@ def camera(run: RunLog) -> Figure | None:
         return None
     average_s = (settings["average_frames"] - 1) / 2 * settings["period_ns"] * 1e-9
     sample = min(seen, key=lambda a: abs(a.t_valid_ns * 1e-9 + average_s - stamps[k]))
-    figure = Figure(figsize=(WIDE * 0.72, WIDE * 0.72 * image.shape[0] / image.shape[1] + 0.3), layout="constrained")
+    figure = Figure(
+        figsize=(WIDE * 0.72, WIDE * 0.72 * image.shape[0] / image.shape[1] + 0.3),
+        layout="constrained",
+    )
     axes = figure.subplots()
     axes.imshow(np.dstack([image, image // 6, image // 6]))
     _draw_cable(axes, sample, settings, image.shape[0])
     raw = (sample.raw_rad or 0.0) * 1e3
-    axes.set_title(f"{stamps[k] - run.t_move_s:+.2f} s from the start of the move: {raw:.2f} mrad in the picture", fontsize=9)
+    axes.set_title(
+        f"{stamps[k] - run.t_move_s:+.2f} s from the start of the move: {raw:.2f} mrad in the picture",
+        fontsize=9,
+    )
     axes.set_xlim(0, image.shape[1])
     axes.set_ylim(image.shape[0], min(0.0, settings["pivot_home_px"][1] - 10))
     axes.legend(loc="lower right", fontsize=8)
@@ -123,7 +156,14 @@ def _draw_cable(axes: Axes, sample: AngleSample, settings: dict[str, Any], heigh
     u0 += settings["pixels_per_m"] * (sample.platform_m or 0.0)
     rows = np.array([v0, height - 1.0])
     columns = u0 + (sample.pivot_miss_px or 0.0) + math.tan(sample.raw_rad or 0.0) * (rows - v0)
-    axes.plot(columns, rows, color="#00e5ff", lw=1.0, ls="--", label=f"detected cable ({sample.rows} rows)")
+    axes.plot(
+        columns,
+        rows,
+        color="#00e5ff",
+        lw=1.0,
+        ls="--",
+        label=f"detected cable ({sample.rows} rows)",
+    )
     axes.plot([u0], [v0], "x", color="#ffd600", label="predicted pivot")
 
 
@@ -148,4 +188,11 @@ def _finish(axes: Axes, ylabel: str, xlabel: str) -> None:
     axes.set_xlabel(xlabel)
     axes.grid(alpha=0.25, lw=0.5)
     if axes.get_legend_handles_labels()[0]:
-        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), fontsize=8, ncols=6, frameon=False, borderaxespad=0.2)
+        axes.legend(
+            loc="lower left",
+            bbox_to_anchor=(0.0, 1.0),
+            fontsize=8,
+            ncols=6,
+            frameon=False,
+            borderaxespad=0.2,
+        )

@@ -41,12 +41,25 @@ def draw_region(axis: Axis, found: Sequence[Assessment], judged: Assessment) -> 
     figure = Figure(figsize=(11.0, 7.5), layout="constrained")
     panel = figure.subplots()
     need, nut = axis.demand, judged.candidate
-    least = absolute_least_lead(axis.mounting, need.peak_speed_m_s, axis.shares.whirl, axis.balls_m_rpm(nut))
+    least = absolute_least_lead(
+        axis.mounting, need.peak_speed_m_s, axis.shares.whirl, axis.balls_m_rpm(nut)
+    )
     right = ROOM * max(least.diameter_m, *(a.candidate.diameter_m for a in found))
     top = ROOM * max(least.lead_m, *(a.candidate.lead_m for a in found))
     limits = region(axis, np.linspace(THINNEST * right, right, POINTS), nut)
-    notes = [*_shade(panel, limits, top), *(_line(panel, line, limits.diameter_m, top) for line in limits.lines)]
-    panel.plot(MM * least.diameter_m, MM * least.lead_m, "*", ms=13, color=INK, label="least lead of all", zorder=4)
+    notes = [
+        *_shade(panel, limits, top),
+        *(_line(panel, line, limits.diameter_m, top) for line in limits.lines),
+    ]
+    panel.plot(
+        MM * least.diameter_m,
+        MM * least.lead_m,
+        "*",
+        ms=13,
+        color=INK,
+        label="least lead of all",
+        zorder=4,
+    )
     panel.set_xlim(0.0, MM * right)
     panel.set_ylim(0.0, MM * top)
     _screws(panel, found, judged)
@@ -57,9 +70,18 @@ def draw_region(axis: Axis, found: Sequence[Assessment], judged: Assessment) -> 
     panel.grid(alpha=0.25)
     panel.spines[["top", "right"]].set_visible(False)
     panel.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False)
-    panel.annotate("\n".join(filter(None, notes)), (1.02, 0.0), xycoords="axes fraction", va="bottom", fontsize=9, color=INK)
+    panel.annotate(
+        "\n".join(filter(None, notes)),
+        (1.02, 0.0),
+        xycoords="axes fraction",
+        va="bottom",
+        fontsize=9,
+        color=INK,
+    )
     title = f"{need.peak_speed_m_s:.4g} m/s, {need.peak_force_n:.4g} N, screw of {axis.mounting.length_m:g} m"
-    figure.suptitle(f"{title}: screws are judged by all checks, the region by its lines", ha="left", x=0.01)
+    figure.suptitle(
+        f"{title}: screws are judged by all checks, the region by its lines", ha="left", x=0.01
+    )
     places = [(MM * a.candidate.diameter_m, MM * a.candidate.lead_m) for a in found]
     labels = {found.index(a): (a.candidate.name, BAD if a.broken else INK) for a in named}
     label_points(panel, places, labels)
@@ -73,7 +95,14 @@ def _shade(panel: Axes, limits: Region, top: float) -> list[str]:
     if not inside.any():
         return ["no diameter and lead of the chart\nkeep all lines"]
     panel.fill_between(
-        MM * limits.diameter_m, MM * low, MM * high, where=inside, color=CALM, alpha=0.14, lw=0, label="admissible by the lines"
+        MM * limits.diameter_m,
+        MM * low,
+        MM * high,
+        where=inside,
+        color=CALM,
+        alpha=0.14,
+        lw=0,
+        label="admissible by the lines",
     )
     return []
 
@@ -89,7 +118,13 @@ def _line(panel: Axes, line: Line, diameter_m: FloatArray, top: float) -> str:
     if ((line.lead_m > 0.0) & (line.lead_m < top)).any():
         shown = line.lead_m <= 2.0 * top
         side = "below" if line.greatest else "above"
-        panel.plot(MM * diameter_m[shown], MM * line.lead_m[shown], color=colour, lw=1.8, label=f"{line.name}: {side}")
+        panel.plot(
+            MM * diameter_m[shown],
+            MM * line.lead_m[shown],
+            color=colour,
+            lw=1.8,
+            label=f"{line.name}: {side}",
+        )
         return ""
     return _off(line, kept=line.greatest == bool((line.lead_m >= top).any()))
 
@@ -107,7 +142,10 @@ def _screws(panel: Axes, found: Sequence[Assessment], judged: Assessment) -> Non
         ([a for a in found if not a.admissible], "x", BAD, BAD, "does not fit"),
     ):
         if group:
-            d, p = zip(*((MM * a.candidate.diameter_m, MM * a.candidate.lead_m) for a in group), strict=True)
+            d, p = zip(
+                *((MM * a.candidate.diameter_m, MM * a.candidate.lead_m) for a in group),
+                strict=True,
+            )
             panel.plot(d, p, mark, ms=7, mew=1.6, mfc=inside, mec=colour, label=label, zorder=3)
     at = MM * judged.candidate.diameter_m, MM * judged.candidate.lead_m
     panel.plot(*at, "D", ms=14, mfc="none", mew=1.6, color=INK, label="the one judged", zorder=4)
@@ -116,7 +154,10 @@ def _screws(panel: Axes, found: Sequence[Assessment], judged: Assessment) -> Non
 def _told(broken: Sequence[Assessment]) -> list[str]:
     """What keeps named screws from fitting."""
     rest = [f"and {len(broken) - TOLD} more"] if len(broken) > TOLD else []
-    return [f"{a.candidate.name} breaks\n  " + "\n  ".join(check.name for check in a.broken) for a in broken[:TOLD]] + rest
+    return [
+        f"{a.candidate.name} breaks\n  " + "\n  ".join(check.name for check in a.broken)
+        for a in broken[:TOLD]
+    ] + rest
 
 
 def _inside(axis: Axis, a: Assessment, judged: Assessment) -> bool:

@@ -15,7 +15,9 @@ from rig.ui.plots import picture_file
 
 PANEL_WIDE, PANEL_TALL = 3.2, 2.1  # inches
 NEAR = 0.05  # share of the nominal value that is shaded: how well such a parameter is usually known
-TOP_MRAD = 90.0  # one scale for all panels: the simple plans' worst; what leaves it is in the document
+TOP_MRAD = (
+    90.0  # one scale for all panels: the simple plans' worst; what leaves it is in the document
+)
 COLOURS = {2.5: "#2e7d32", 2.0: "#1565c0", 1.5: "#c62828"}
 
 
@@ -31,7 +33,9 @@ def sheet(document: dict[str, Series]) -> Figure:
     """The document as a figure: small swings solid, nonlinear dashed, +-5 % shaded."""
     families = list(dict.fromkeys(series.family for series in document.values()))
     columns = list(dict.fromkeys((series.load, series.parameter) for series in document.values()))
-    figure = Figure(figsize=(PANEL_WIDE * len(columns), PANEL_TALL * len(families)), layout="constrained")
+    figure = Figure(
+        figsize=(PANEL_WIDE * len(columns), PANEL_TALL * len(families)), layout="constrained"
+    )
     panels = figure.subplots(len(families), len(columns), sharex="col", sharey=True, squeeze=False)
     panels[0, 0].set_ylim(0.0, TOP_MRAD)
     for series in document.values():
@@ -42,9 +46,12 @@ def sheet(document: dict[str, Series]) -> Figure:
     for (load, parameter), top, bottom in zip(columns, panels[0], panels[-1], strict=True):
         top.set_title(load.replace("_", " "), fontsize=10)
         bottom.set_xlabel(f"{parameter} [{_unit(parameter)}]")
-    lines = [Line2D([], [], color=colour, label=f"{time_s:g} s") for time_s, colour in COLOURS.items()]
+    lines = [
+        Line2D([], [], color=colour, label=f"{time_s:g} s") for time_s, colour in COLOURS.items()
+    ]
     lines += [
-        Line2D([], [], color="#444", ls=style, label=name) for name, style in (("small swings", "-"), ("true load", "--"))
+        Line2D([], [], color="#444", ls=style, label=name)
+        for name, style in (("small swings", "-"), ("true load", "--"))
     ]
     figure.legend(handles=lines, loc="outside lower center", ncols=len(lines), frameon=False)
     title = f"Swing left by a wrong parameter, ±{NEAR * 100:g} % of it shaded"
@@ -54,17 +61,31 @@ def sheet(document: dict[str, Series]) -> Figure:
 
 def _add(axes: Axes, series: Series) -> None:
     if not axes.lines:
-        axes.axvspan(series.nominal * (1.0 - NEAR), series.nominal * (1.0 + NEAR), color="#00000014", lw=0)
+        axes.axvspan(
+            series.nominal * (1.0 - NEAR), series.nominal * (1.0 + NEAR), color="#00000014", lw=0
+        )
         axes.grid(alpha=0.25, lw=0.5)
         axes.set_xlim(series.values[0], series.values[-1])
     colour = COLOURS.get(series.time_s)
-    axes.plot(series.values, 1e3 * np.array(series.residual_rad), color=colour, lw=1.3, label=f"{series.time_s:g} s")
-    axes.plot(series.values, 1e3 * np.array(series.residual_nonlinear_rad), color=colour, lw=1.0, ls="--")
+    axes.plot(
+        series.values,
+        1e3 * np.array(series.residual_rad),
+        color=colour,
+        lw=1.3,
+        label=f"{series.time_s:g} s",
+    )
+    axes.plot(
+        series.values, 1e3 * np.array(series.residual_nonlinear_rad), color=colour, lw=1.0, ls="--"
+    )
 
 
 def _label(family: str) -> str:
     words = family.replace("_", " ")
-    return f"{words}\nto {' / '.join(load.robust for load in LOADS.values())}" if FAMILIES[family].robust else words
+    return (
+        f"{words}\nto {' / '.join(load.robust for load in LOADS.values())}"
+        if FAMILIES[family].robust
+        else words
+    )
 
 
 def _remarks(document: dict[str, Series]) -> Iterator[str]:
@@ -72,7 +93,11 @@ def _remarks(document: dict[str, Series]) -> Iterator[str]:
     left = {
         f"{series.load} {series.family} {series.time_s:g} s".replace("_", " "): mrad
         for series in document.values()
-        if (mrad := 1e3 * float(np.interp(series.nominal, series.values, series.residual_nonlinear_rad))) > TOP_MRAD
+        if (
+            mrad := 1e3
+            * float(np.interp(series.nominal, series.values, series.residual_nonlinear_rad))
+        )
+        > TOP_MRAD
     }
     yield f"Curves that leave the panels at {TOP_MRAD:g} mrad are whole in `rig compare sensitivity --json`."
     if left:

@@ -24,7 +24,9 @@ LABELS = (
 def draw_comparison(rows: Sequence[Row]) -> Figure:
     """Rows of one truth; every controller in a colour of its own."""
     moves = sorted({row.move for row in rows})
-    colours = dict(zip(dict.fromkeys(row.controller for row in rows), (BARE, *COLOURS), strict=False))
+    colours = dict(
+        zip(dict.fromkeys(row.controller for row in rows), (BARE, *COLOURS), strict=False)
+    )
     figure = Figure(figsize=(4.6 * len(moves) + 1.0, 12.0), layout="constrained")
     panels = figure.subplots(len(LABELS), len(moves), sharey="row", squeeze=False)
     for column, move in enumerate(moves):
@@ -42,7 +44,9 @@ def draw_comparison(rows: Sequence[Row]) -> Figure:
 
 def _column(panels: Sequence[Axes], rows: Sequence[Row], colours: dict[str, str]) -> None:
     r = rows[0].recording
-    panels[0].plot(r.t_s, np.degrees(r.reference_rad_s), color=GREY, lw=1.2, ls="--", label="reference")
+    panels[0].plot(
+        r.t_s, np.degrees(r.reference_rad_s), color=GREY, lw=1.2, ls="--", label="reference"
+    )
     for row in rows:
         r, colour = row.recording, colours[row.controller]
         percent = 100.0 / float(np.abs(r.reference_rad_s).max())
@@ -51,7 +55,10 @@ def _column(panels: Sequence[Axes], rows: Sequence[Row], colours: dict[str, str]
         panels[1].plot(r.t_s, percent * (r.load_rad_s - r.reference_rad_s), color=colour, lw=1.3)
         panels[2].plot(r.t_s[near], percent * r.load_rad_s[near], color=colour, lw=1.5)
         panels[3].step(r.t_s, r.torque_n_m, color=colour, lw=1.0, where="post")
-    ends = [(-BEFORE_S, float(r.t_s[-1]))] * 2 + [(r.end_s - BEFORE_S, r.end_s + AFTER_S), (-BEFORE_S, float(r.t_s[-1]))]
+    ends = [(-BEFORE_S, float(r.t_s[-1]))] * 2 + [
+        (r.end_s - BEFORE_S, r.end_s + AFTER_S),
+        (-BEFORE_S, float(r.t_s[-1])),
+    ]
     for panel, (low, high) in zip(panels, ends, strict=True):
         panel.axvspan(max(0.0, low), r.end_s, color="#00000010", lw=0)
         panel.set_xlim(low, high)

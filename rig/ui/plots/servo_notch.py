@@ -14,7 +14,11 @@ from planners.trajectories.pieces import ComplexArray
 from rig.studies.servo.notch import NotchTask, Placement, Response, placements, step_response
 
 COLOURS = {"none": "#212121", "inside": "#c62828", "upstream": "#2e7d32"}
-TITLES = {"none": "no notch", "inside": "notch inside the speed loop", "upstream": "notch upstream of it"}
+TITLES = {
+    "none": "no notch",
+    "inside": "notch inside the speed loop",
+    "upstream": "notch upstream of it",
+}
 GREY = "#757575"
 DAMPINGS = (0.2, 0.4, 0.6, 0.8)  # rays in the plane of the poles
 PERIODS = 8.0  # of the joint's antiresonance, shown of a response
@@ -37,7 +41,11 @@ def draw_notch(task: NotchTask) -> Figure:
     figure.legend(handles=_symbols(), loc="outside lower center", ncols=4, frameon=False)
     shown_s = PERIODS * 2.0 * np.pi / task.joint.antiresonance_rad_s
     for panel, (source, title) in zip(courses, STEPS, strict=True):
-        _course(panel, [(row.name, step_response(row.position, source, time_s=shown_s)) for row in rows], title)
+        _course(
+            panel,
+            [(row.name, step_response(row.position, source, time_s=shown_s)) for row in rows],
+            title,
+        )
     courses[0].legend(frameon=False)
     figure.suptitle("A notch filter against the joint's resonance", ha="left", x=0.01)
     return figure

@@ -12,7 +12,14 @@ from matplotlib.figure import Figure
 
 from rig.drives.servo.disturbance_design import Nominal, Place
 from rig.drives.servo.loops import swinging
-from rig.studies.servo.observer import ObserverTask, Turns, course, damping, printed_poles_1_s, turns
+from rig.studies.servo.observer import (
+    ObserverTask,
+    Turns,
+    course,
+    damping,
+    printed_poles_1_s,
+    turns,
+)
 
 BARE, FAST, BEST, ELASTIC, GREY = "#212121", "#c62828", "#2e7d32", "#1565c0", "#757575"
 EXCITED, UNSTABLE = "#ffcdd2", "#e57373"
@@ -43,7 +50,9 @@ def draw_observer(task: ObserverTask) -> Figure:
     top = _course(panels["E"], task, (*fast, best, bare), "load", leaving=bare)
     if top:
         panels["E"].set_ylim(-top, top)
-    figure.legend(*panels["B"].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
+    figure.legend(
+        *panels["B"].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False
+    )
     figure.suptitle(_title(turn), ha="left", x=0.01)
     return figure
 
@@ -77,19 +86,49 @@ def _damping(panel: Axes, task: ObserverTask, turn: Turns) -> None:
     found = [damping(task, t) for t in times]
     panel.semilogx(1e3 * times, found, color=FAST, lw=1.8, label="rigid nominal")
     if task.order == 1:
-        printed = [min(swinging(printed_poles_1_s(task.joint, t)), key=lambda m: m.damping, default=None) for t in times]
+        printed = [
+            min(swinging(printed_poles_1_s(task.joint, t)), key=lambda m: m.damping, default=None)
+            for t in times
+        ]
         shown = [np.nan if pair is None else pair.damping for pair in printed]
-        panel.semilogx(1e3 * times, shown, color=GREY, lw=1.0, ls="--", label="by $H_f$ as printed in source 001")
-    panel.axhline(task.bare.damping, color=ELASTIC, lw=1.4, label="elastic nominal, and no observer")
-    panel.axhline(task.locked.damping, color=GREY, lw=0.8, ls=":", label="load alone, motor standing")
-    for name, colour, intervals in (("excited", EXCITED, turn.excited), ("unstable", UNSTABLE, turn.unstable)):
+        panel.semilogx(
+            1e3 * times,
+            shown,
+            color=GREY,
+            lw=1.0,
+            ls="--",
+            label="by $H_f$ as printed in source 001",
+        )
+    panel.axhline(
+        task.bare.damping, color=ELASTIC, lw=1.4, label="elastic nominal, and no observer"
+    )
+    panel.axhline(
+        task.locked.damping, color=GREY, lw=0.8, ls=":", label="load alone, motor standing"
+    )
+    for name, colour, intervals in (
+        ("excited", EXCITED, turn.excited),
+        ("unstable", UNSTABLE, turn.unstable),
+    ):
         for k, (low, high) in enumerate(intervals):
             ends = 1e3 * max(low, times[0]), 1e3 * min(high, times[-1])
-            panel.axvspan(*ends, color=colour, alpha=0.5, lw=0.0, label="_" if k else f"{name}: ends at {_ends(intervals)} ms")
+            panel.axvspan(
+                *ends,
+                color=colour,
+                alpha=0.5,
+                lw=0.0,
+                label="_" if k else f"{name}: ends at {_ends(intervals)} ms",
+            )
     best = f"best: {1e3 * turn.best_s:.3g} ms"
     panel.plot([1e3 * turn.best_s], [turn.best.damping], "o", ms=8, color=BEST, label=best)
     inside = [t for t in task.time_constants_s if times[0] <= t <= times[-1]]
-    panel.plot([1e3 * t for t in inside], [damping(task, t) for t in inside], ".", ms=9, color=FAST, label="in the table")
+    panel.plot(
+        [1e3 * t for t in inside],
+        [damping(task, t) for t in inside],
+        ".",
+        ms=9,
+        color=FAST,
+        label="in the table",
+    )
     panel.set_ylabel("damping, of the least damped poles")
     panel.set_xlabel("time constant $T_f$ [ms]")
     panel.set_ylim(ROOM * min(0.0, *found), ROOM * max(turn.best.damping, task.bare.damping))
@@ -98,25 +137,39 @@ def _damping(panel: Axes, task: ObserverTask, turn: Turns) -> None:
 
 
 def _ends(intervals: Iterable[tuple[float, float]]) -> str:
-    return ", ".join(f"{1e3 * end:.3g}" for interval in intervals for end in interval if 0.0 < end < math.inf)
+    return ", ".join(
+        f"{1e3 * end:.3g}" for interval in intervals for end in interval if 0.0 < end < math.inf
+    )
 
 
 def _spectrum(panel: Axes, task: ObserverTask, curves: Iterable[Curve]) -> None:
     omega = task.joint.antiresonance_rad_s * np.logspace(-2.0, 1.5, 1200)
-    plant = np.polyval(task.joint.load_numerator, 1j * omega) / np.polyval(task.joint.denominator[:-1], 1j * omega)
+    plant = np.polyval(task.joint.load_numerator, 1j * omega) / np.polyval(
+        task.joint.denominator[:-1], 1j * omega
+    )
     for curve in curves:
         label, nominal, time_s, colour = curve
         if not _stable(task, curve):
             panel.plot([], [], color=colour, lw=1.6, label=f"{label}: unstable")
             continue
-        found = plant if nominal is None else task.design(nominal, time_s).disturbance(task.joint, "motor", "load").at(omega)
+        found = (
+            plant
+            if nominal is None
+            else task.design(nominal, time_s).disturbance(task.joint, "motor", "load").at(omega)
+        )
         panel.loglog(omega, np.abs(found), color=colour, lw=1.6, label=label)
     panel.set_title("speed of the load over a torque on the motor [rad/s per N m]", fontsize=11)
     panel.set_xlabel("frequency [rad/s]")
     _dress(panel)
 
 
-def _course(panel: Axes, task: ObserverTask, curves: Iterable[Curve], place: Place, leaving: Curve | None = None) -> float:
+def _course(
+    panel: Axes,
+    task: ObserverTask,
+    curves: Iterable[Curve],
+    place: Place,
+    leaving: Curve | None = None,
+) -> float:
     """The height that holds all but one curve, which may leave the panel [rad/s]."""
     top = highest = 0.0
     for curve in curves:
@@ -127,7 +180,9 @@ def _course(panel: Axes, task: ObserverTask, curves: Iterable[Curve], place: Pla
         highest = max(highest, found.peak_rad_s)
         top = max(top, 0.0 if curve is leaving else ROOM * found.peak_rad_s)
     panel.set_title(f"speed of the load [rad/s] after 1 N m on the {place}", fontsize=11)
-    panel.set_xlabel(f"time [s]; {leaving.label} leaves the panel" if leaving and highest > top else "time [s]")
+    panel.set_xlabel(
+        f"time [s]; {leaving.label} leaves the panel" if leaving and highest > top else "time [s]"
+    )
     panel.axhline(0.0, color=GREY, lw=0.6)
     _dress(panel)
     return top

@@ -10,9 +10,26 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from planners.shapers import Shaper
-from rig.studies.servo.shaping import UNSHAPED, Pulse, Robustness, ShapingTask, impulse_response, pulse
+from rig.studies.servo.shaping import (
+    UNSHAPED,
+    Pulse,
+    Robustness,
+    ShapingTask,
+    impulse_response,
+    pulse,
+)
 
-COLOURS = ("#1565c0", "#2e7d32", "#ef6c00", "#6a1b9a", "#00838f", "#5d4037", "#d81b60", "#9e9d24", "#455a64")
+COLOURS = (
+    "#1565c0",
+    "#2e7d32",
+    "#ef6c00",
+    "#6a1b9a",
+    "#00838f",
+    "#5d4037",
+    "#d81b60",
+    "#9e9d24",
+    "#455a64",
+)
 INK, GREY, BARE = "#212121", "#757575", "#c62828"
 IN_A_ROW = 3  # shapers
 POINTS = 1500  # of a curve
@@ -31,7 +48,9 @@ def draw_shaping(task: ShapingTask, rows: Sequence[Robustness]) -> Figure:
         _impulses(panel, task, row, end_s)
     for panel in panels[::columns]:
         panel.set_ylabel("swing of one impulse = 1")
-    upper.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
+    upper.legend(
+        *panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False
+    )
     for panel in panels[len(rows) :]:
         panel.set_visible(False)
     speed, torque = lower.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
@@ -50,24 +69,42 @@ def _impulses(panel: Axes, task: ShapingTask, row: Robustness, end_s: float) -> 
     t_s = np.linspace(0.0, end_s, POINTS)
     for k, case in enumerate(task.cases):
         label = "four cases" if k == 0 else None
-        panel.plot(t_s, impulse_response(row.shaper, case, t_s), color=BARE, lw=1.0, alpha=0.6, label=label)
-    panel.plot(t_s, impulse_response(UNSHAPED, task.mode, t_s), color=GREY, lw=0.8, ls=":", label="one impulse")
-    panel.plot(t_s, impulse_response(row.shaper, task.mode, t_s), color=INK, lw=1.8, label="as assumed")
+        panel.plot(
+            t_s, impulse_response(row.shaper, case, t_s), color=BARE, lw=1.0, alpha=0.6, label=label
+        )
+    panel.plot(
+        t_s,
+        impulse_response(UNSHAPED, task.mode, t_s),
+        color=GREY,
+        lw=0.8,
+        ls=":",
+        label="one impulse",
+    )
+    panel.plot(
+        t_s, impulse_response(row.shaper, task.mode, t_s), color=INK, lw=1.8, label="as assumed"
+    )
     panel.vlines(row.shaper.times_s, 0.0, row.shaper.amplitudes, color=COLOURS[0], lw=2.5)
     panel.plot(row.shaper.times_s, row.shaper.amplitudes, "o", color=COLOURS[0], label="impulses")
-    panel.set_title(f"{row.name}, {len(row.shaper.times_s)} impulses: {row.singer_seering.max():.3%} left at most", fontsize=11)
+    panel.set_title(
+        f"{row.name}, {len(row.shaper.times_s)} impulses: {row.singer_seering.max():.3%} left at most",
+        fontsize=11,
+    )
     _dress(panel, "")
     panel.set_xlabel("time [s]")
 
 
-def _pulses(speed: Axes, torque: Axes, task: ShapingTask, rows: Sequence[Robustness], watch_s: float) -> None:
+def _pulses(
+    speed: Axes, torque: Axes, task: ShapingTask, rows: Sequence[Robustness], watch_s: float
+) -> None:
     t_s = np.linspace(0.0, task.pulse_s + watch_s, POINTS)
     curves = [("unshaped", UNSHAPED, BARE)]
     curves += [(row.name, row.shaper, COLOURS[k % len(COLOURS)]) for k, row in enumerate(rows)]
     for name, shaper, colour in curves:
         nominal, *cases = _of_all(task, shaper, watch_s)
         values = np.array([case.load_speed.at(t_s) for case in cases])  # (4, POINTS)
-        speed.fill_between(t_s, values.min(axis=0), values.max(axis=0), color=colour, alpha=0.18, lw=0)
+        speed.fill_between(
+            t_s, values.min(axis=0), values.max(axis=0), color=colour, alpha=0.18, lw=0
+        )
         speed.plot(t_s, nominal.load_speed.at(t_s), color=colour, lw=1.6, label=name)
         edges = nominal.command.breaks_s
         steps = nominal.command.at((edges[1:] + edges[:-1]) / 2.0, 1)

@@ -12,7 +12,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from rig.analysis.identify.decay import DecayFit, cable_length_m, cable_length_sigma_m, fit_decay, identifiable
+from rig.analysis.identify.decay import (
+    DecayFit,
+    cable_length_m,
+    cable_length_sigma_m,
+    fit_decay,
+    identifiable,
+)
 from rig.analysis.identify.errors import AnalysisError
 
 Array = npt.NDArray[np.float64]
@@ -24,7 +30,10 @@ ESTIMATES = ("natural_frequency_hz", "damping_ratio", "amplitude_rad", "phase_ra
 
 
 def pendulum(
-    t_s: Array, amplitude_rad: float, frequency_hz: float = FREQUENCY_HZ, damping_ratio: float = DAMPING_RATIO
+    t_s: Array,
+    amplitude_rad: float,
+    frequency_hz: float = FREQUENCY_HZ,
+    damping_ratio: float = DAMPING_RATIO,
 ) -> Array:
     """Full nonlinear pendulum, released from rest at t_s[0]."""
     w = 2 * math.pi * frequency_hz
@@ -33,20 +42,30 @@ def pendulum(
         return [x[1], -w * w * math.sin(x[0]) - 2 * damping_ratio * w * x[1]]
 
     span = (float(t_s[0]), float(t_s[-1]))
-    solution: Any = solve_ivp(rates, span, [amplitude_rad, 0.0], method="DOP853", t_eval=t_s, rtol=1e-11, atol=1e-13)
+    solution: Any = solve_ivp(
+        rates, span, [amplitude_rad, 0.0], method="DOP853", t_eval=t_s, rtol=1e-11, atol=1e-13
+    )
     return np.asarray(solution.y[0])
 
 
 def damped_sinusoid(t_s: Array, p: Array) -> Array:
     """Linear swing for p = (natural frequency [Hz], damping ratio, amplitude, phase, offset)."""
     w = 2 * math.pi * p[0]
-    return np.asarray(p[2] * np.exp(-p[1] * w * t_s) * np.cos(w * math.sqrt(1 - p[1] ** 2) * t_s + p[3]) + p[4])
+    return np.asarray(
+        p[2] * np.exp(-p[1] * w * t_s) * np.cos(w * math.sqrt(1 - p[1] ** 2) * t_s + p[3]) + p[4]
+    )
 
 
 def cramer_rao_sigma(t_s: Array, p: Array, noise_rad: float) -> Array:
     """Bound for white noise, derivatives by central differences."""
     h = np.array([1e-6, 1e-6, 1e-7, 1e-6, 1e-7])
-    J = np.stack([(damped_sinusoid(t_s, p + d) - damped_sinusoid(t_s, p - d)) / 2 / d.max() for d in np.diag(h)], axis=-1)
+    J = np.stack(
+        [
+            (damped_sinusoid(t_s, p + d) - damped_sinusoid(t_s, p - d)) / 2 / d.max()
+            for d in np.diag(h)
+        ],
+        axis=-1,
+    )
     return np.asarray(noise_rad * np.sqrt(np.diag(np.linalg.inv(J.T @ J))))
 
 
@@ -62,7 +81,9 @@ def sigmas(fit: DecayFit) -> Array:
     return np.array([getattr(fit, "sigma_" + name) for name in ESTIMATES])
 
 
-def test_a_noisy_averaged_free_decay_of_24_s_gives_frequency_to_1e_5_and_damping_to_1_percent() -> None:
+def test_a_noisy_averaged_free_decay_of_24_s_gives_frequency_to_1e_5_and_damping_to_1_percent() -> (
+    None
+):
     rng = np.random.default_rng(4)
     t = np.arange(0, 24.04, PERIOD_S)
     frames = pendulum(t, 0.06) + 0.0035 + rng.normal(0, 1e-5, t.size)
@@ -77,23 +98,42 @@ def test_a_noisy_averaged_free_decay_of_24_s_gives_frequency_to_1e_5_and_damping
 
 @pytest.mark.parametrize(
     ("amplitude_rad", "damping_ratio", "model_error"),
-    [(1e-4, 0.000237, 1e-9), (0.06, 0.000237, 1e-9), (0.06, 0.005, 1e-7), (0.3, 0.000237, 1e-5), (0.3, 0.02, 1e-5)],
+    [
+        (1e-4, 0.000237, 1e-9),
+        (0.06, 0.000237, 1e-9),
+        (0.06, 0.005, 1e-7),
+        (0.3, 0.000237, 1e-5),
+        (0.3, 0.02, 1e-5),
+    ],
 )
-def test_the_model_is_the_nonlinear_pendulum(amplitude_rad: float, damping_ratio: float, model_error: float) -> None:
+def test_the_model_is_the_nonlinear_pendulum(
+    amplitude_rad: float, damping_ratio: float, model_error: float
+) -> None:
     t = np.arange(0, 20, PERIOD_S)
     truth = pendulum(t, amplitude_rad, damping_ratio=damping_ratio)
     fit = fit_decay(t, truth)
     assert fit.natural_frequency_hz == pytest.approx(FREQUENCY_HZ, rel=1e-6)
     assert fit.damping_ratio == pytest.approx(damping_ratio, rel=3e-4)
     assert np.max(np.abs(fit.angle(t) - truth)) < model_error
-    turns = np.flatnonzero((np.abs(truth[1:-1]) >= np.abs(truth[:-2])) & (np.abs(truth[1:-1]) >= np.abs(truth[2:]))) + 1
+    turns = (
+        np.flatnonzero(
+            (np.abs(truth[1:-1]) >= np.abs(truth[:-2])) & (np.abs(truth[1:-1]) >= np.abs(truth[2:]))
+        )
+        + 1
+    )
     np.testing.assert_allclose(fit.amplitude_at(t[turns]), np.abs(truth[turns]), rtol=2e-3)
 
 
 @pytest.mark.parametrize(("average_frames", "missing"), [(1, 0.0), (3, 0.0), (3, 0.05)])
-def test_the_spread_is_the_cramer_rao_bound_and_the_reported_sigma_tells_it(average_frames: int, missing: float) -> None:
+def test_the_spread_is_the_cramer_rao_bound_and_the_reported_sigma_tells_it(
+    average_frames: int, missing: float
+) -> None:
     rng = np.random.default_rng(7)
-    truth, noise_rad, half = np.array([FREQUENCY_HZ, 0.003, 0.004, 0.8, 0.002]), 2e-5, average_frames // 2
+    truth, noise_rad, half = (
+        np.array([FREQUENCY_HZ, 0.003, 0.004, 0.8, 0.002]),
+        2e-5,
+        average_frames // 2,
+    )
     t = np.linspace(-half * PERIOD_S, (499 + half) * PERIOD_S, 500 + 2 * half)
     clean, inner = damped_sinusoid(t, truth), t[half : t.size - half]
     found, told = [], []
@@ -101,14 +141,18 @@ def test_the_spread_is_the_cramer_rao_bound_and_the_reported_sigma_tells_it(aver
         keep = rng.random(inner.size) >= missing
         keep[0] = True
         samples = averaged(clean + rng.normal(0, noise_rad, t.size), average_frames)
-        fit = fit_decay(inner[keep], samples[keep], average_frames=average_frames, frame_period_s=PERIOD_S)
+        fit = fit_decay(
+            inner[keep], samples[keep], average_frames=average_frames, frame_period_s=PERIOD_S
+        )
         found.append(values(fit))
         told.append(sigmas(fit))
     spread, bound = np.std(found, axis=0), cramer_rao_sigma(t, truth, noise_rad)
     assert np.all(spread < 1.15 * bound)
     np.testing.assert_allclose(np.median(told, axis=0), spread, rtol=0.15)
     bias = np.mean(found, axis=0) - truth
-    assert np.all(np.abs(bias) < 4 * spread / math.sqrt(250) + [0, 0, 4e-8, 0, 0])  # amplitude^2 terms: 0.004^3/192
+    assert np.all(
+        np.abs(bias) < 4 * spread / math.sqrt(250) + [0, 0, 4e-8, 0, 0]
+    )  # amplitude^2 terms: 0.004^3/192
 
 
 def test_a_residual_of_3_mrad_over_10_s_gives_the_cable_within_half_a_millimetre() -> None:
@@ -138,7 +182,9 @@ def test_averaging_hides_nothing_of_the_amplitude() -> None:
     fit = fit_decay(t[7:-7], averaged(frames, 15), average_frames=15, frame_period_s=PERIOD_S)
     assert np.ptp(averaged(frames, 15)) < 0.75 * np.ptp(frames)
     assert fit.amplitude_at(t[:1]) == pytest.approx(0.05, rel=1e-4)
-    np.testing.assert_allclose(fit.angle(t), frames, atol=1e-5)  # the gain leaves the phase alone: 2e-4 rad by damping
+    np.testing.assert_allclose(
+        fit.angle(t), frames, atol=1e-5
+    )  # the gain leaves the phase alone: 2e-4 rad by damping
 
 
 @settings(max_examples=60, deadline=None)
@@ -151,7 +197,12 @@ def test_averaging_hides_nothing_of_the_amplitude() -> None:
     offset_rad=st.floats(-0.05, 0.05),
 )
 def test_the_swing_is_found_from_less_than_a_period_up_at_any_phase_and_offset(
-    frequency_hz: float, periods: float, amplitude_rad: float, phase_rad: float, damping_ratio: float, offset_rad: float
+    frequency_hz: float,
+    periods: float,
+    amplitude_rad: float,
+    phase_rad: float,
+    damping_ratio: float,
+    offset_rad: float,
 ) -> None:
     truth = DecayFit(
         t_start_s=3.0,

@@ -42,14 +42,20 @@ def test_a_servo_is_late_by_the_sum_of_its_time_constants() -> None:
 
 def test_a_steady_error_of_the_platform_shifts_the_delay_by_what_least_squares_says() -> None:
     t, error_m = np.arange(0, 10, 0.01), 1e-4
-    speed_squared = 10 / 7 * DISTANCE_M**2 / TIME_S  # integral of the quintic's speed^2 over the move
+    speed_squared = (
+        10 / 7 * DISTANCE_M**2 / TIME_S
+    )  # integral of the quintic's speed^2 over the move
     shift_s = error_m * DISTANCE_M / speed_squared
-    assert command_latency_s(t, plan(t - 0.06) + error_m, plan) == pytest.approx(0.06 - shift_s, abs=5e-6)
+    assert command_latency_s(t, plan(t - 0.06) + error_m, plan) == pytest.approx(
+        0.06 - shift_s, abs=5e-6
+    )
 
 
 def test_a_move_to_the_left_has_the_same_delay() -> None:
     t = np.arange(0, 10, 0.01)
-    assert command_latency_s(t, -plan(t - 0.06), lambda at: -plan(at)) == pytest.approx(0.06, abs=1e-5)
+    assert command_latency_s(t, -plan(t - 0.06), lambda at: -plan(at)) == pytest.approx(
+        0.06, abs=1e-5
+    )
 
 
 def test_without_a_move_there_is_no_delay() -> None:
@@ -69,7 +75,9 @@ def truth(t_s: Array) -> tuple[Array, Array]:
     """Angle and rate of a swing that a move has just set off."""
     fall = 0.05 * np.exp(-0.02 * t_s)
     angle = fall * np.sin(OMEGA_RAD_S * t_s)
-    return np.asarray(angle), np.asarray(OMEGA_RAD_S * fall * np.cos(OMEGA_RAD_S * t_s) - 0.02 * angle)
+    return np.asarray(angle), np.asarray(
+        OMEGA_RAD_S * fall * np.cos(OMEGA_RAD_S * t_s) - 0.02 * angle
+    )
 
 
 KNOWN = np.arange(0, 8, 0.01)
@@ -86,7 +94,9 @@ def test_no_swing_error_is_left_at_the_right_stamps_and_all_of_it_at_wrong_ones(
     assert swing_error_rms_rad(STAMPS, truth(STAMPS)[0], KNOWN, *truth(KNOWN)) < 1e-9
     late = swing_error_rms_rad(STAMPS, truth(STAMPS - 0.01)[0], KNOWN, *truth(KNOWN))
     assert late == pytest.approx(0.01 * float(np.sqrt(np.mean(truth(STAMPS)[1] ** 2))), rel=0.01)
-    assert swing_error_rms_rad(STAMPS, truth(STAMPS)[0] + 1e-3, KNOWN, *truth(KNOWN)) == pytest.approx(1e-3, rel=1e-6)
+    assert swing_error_rms_rad(
+        STAMPS, truth(STAMPS)[0] + 1e-3, KNOWN, *truth(KNOWN)
+    ) == pytest.approx(1e-3, rel=1e-6)
 
 
 def test_angles_outside_the_truth_are_left_out() -> None:
@@ -105,4 +115,6 @@ def test_too_little_truth_is_an_error(known: Array) -> None:
 
 def test_a_load_at_rest_cannot_be_aligned() -> None:
     with pytest.raises(AnalysisError, match="no best delay"):
-        alignment_s(STAMPS, np.zeros_like(STAMPS), KNOWN, np.zeros_like(KNOWN), np.zeros_like(KNOWN))
+        alignment_s(
+            STAMPS, np.zeros_like(STAMPS), KNOWN, np.zeros_like(KNOWN), np.zeros_like(KNOWN)
+        )

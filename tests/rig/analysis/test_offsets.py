@@ -27,21 +27,34 @@ def true_offset_rad(x_m: Array) -> Array:
 
 
 def watch(
-    x_m: float, amplitude_rad: float, rng: np.random.Generator, *, periods: float = 2.0, damping_ratio: float = 0.000237
+    x_m: float,
+    amplitude_rad: float,
+    rng: np.random.Generator,
+    *,
+    periods: float = 2.0,
+    damping_ratio: float = 0.000237,
 ) -> Watch:
     t = 100 + rng.uniform(0, 50) + np.arange(0, periods / FREQUENCY_HZ + 0.02, 0.02)
     w = 2 * math.pi * FREQUENCY_HZ
-    swing = amplitude_rad * np.exp(-damping_ratio * w * (t - t[0])) * np.cos(w * t + rng.uniform(0, 6))
+    swing = (
+        amplitude_rad * np.exp(-damping_ratio * w * (t - t[0])) * np.cos(w * t + rng.uniform(0, 6))
+    )
     clean = swing + true_offset_rad(np.array(x_m))
     platform_m = x_m + rng.normal(0, 2e-6, t.size)
-    line_px = TRUE_HOME_PX[0] + TRUE_SCALE_PX_M * platform_m + np.tan(clean) * (BELIEVED_HOME_PX[1] - TRUE_HOME_PX[1])
+    line_px = (
+        TRUE_HOME_PX[0]
+        + TRUE_SCALE_PX_M * platform_m
+        + np.tan(clean) * (BELIEVED_HOME_PX[1] - TRUE_HOME_PX[1])
+    )
     error_rad = rng.normal(0, NOISE_RAD, t.size)
     line_px += (BELIEVED_HOME_PX[1] - MID_ROW_PX) * error_rad + rng.normal(0, 0.003, t.size)
     miss_px = line_px - BELIEVED_HOME_PX[0] - BELIEVED_SCALE_PX_M * platform_m
     return Watch(t_s=t, raw_rad=clean + error_rad, platform_m=platform_m, pivot_miss_px=miss_px)
 
 
-def calibrate(watches: list[Watch], natural_frequency_hz: float = FREQUENCY_HZ) -> OffsetCalibration:
+def calibrate(
+    watches: list[Watch], natural_frequency_hz: float = FREQUENCY_HZ
+) -> OffsetCalibration:
     return calibrate_offsets(
         watches,
         pivot_home_px=BELIEVED_HOME_PX,
@@ -52,9 +65,14 @@ def calibrate(watches: list[Watch], natural_frequency_hz: float = FREQUENCY_HZ) 
 
 @pytest.mark.parametrize("amplitude_rad", [0.0, 1e-5, 3e-4, 0.003, 0.02])
 @pytest.mark.parametrize("damping_ratio", [0.000237, 0.01])
-def test_the_offsets_are_found_whatever_the_swing(amplitude_rad: float, damping_ratio: float) -> None:
+def test_the_offsets_are_found_whatever_the_swing(
+    amplitude_rad: float, damping_ratio: float
+) -> None:
     rng = np.random.default_rng(8)
-    table = calibrate([watch(x, amplitude_rad, rng, damping_ratio=damping_ratio) for x in POSITIONS_M], FREQUENCY_HZ * 0.9)
+    table = calibrate(
+        [watch(x, amplitude_rad, rng, damping_ratio=damping_ratio) for x in POSITIONS_M],
+        FREQUENCY_HZ * 0.9,
+    )
     np.testing.assert_allclose(table.x_m, POSITIONS_M, atol=1e-6)
     np.testing.assert_allclose(table.offset_rad, true_offset_rad(POSITIONS_M), atol=5e-6)
     assert table.residual_rad == pytest.approx(NOISE_RAD, rel=0.1)
@@ -66,7 +84,9 @@ def test_the_offsets_are_found_whatever_the_swing(amplitude_rad: float, damping_
 @pytest.mark.parametrize("amplitude_rad", [2e-4, 0.01])
 def test_the_reported_sigmas_are_the_spread_over_many_calibrations(amplitude_rad: float) -> None:
     rng = np.random.default_rng(6)
-    tables = [calibrate([watch(x, amplitude_rad, rng) for x in POSITIONS_M[1:4]]) for _ in range(120)]
+    tables = [
+        calibrate([watch(x, amplitude_rad, rng) for x in POSITIONS_M[1:4]]) for _ in range(120)
+    ]
     error = np.array([t.offset_rad - true_offset_rad(POSITIONS_M[1:4]) for t in tables])
     told = np.array([t.sigma_offset_rad for t in tables])
     assert np.sqrt(np.mean(error**2)) == pytest.approx(np.sqrt(np.mean(told**2)), rel=0.15)
@@ -74,9 +94,15 @@ def test_the_reported_sigmas_are_the_spread_over_many_calibrations(amplitude_rad
     scale_error = np.array([t.pixels_per_m - TRUE_SCALE_PX_M for t in tables])
     if tables[0].row_observed:
         v_error = np.array([t.pivot_home_px[1] - TRUE_HOME_PX[1] for t in tables])
-        assert np.std(v_error) == pytest.approx(np.median([t.sigma_pivot_home_px[1] for t in tables]), rel=0.2)
-        assert np.std(u_error) == pytest.approx(np.median([t.sigma_pivot_home_px[0] for t in tables]), rel=0.2)
-        assert np.std(scale_error) == pytest.approx(np.median([t.sigma_pixels_per_m for t in tables]), rel=0.2)
+        assert np.std(v_error) == pytest.approx(
+            np.median([t.sigma_pivot_home_px[1] for t in tables]), rel=0.2
+        )
+        assert np.std(u_error) == pytest.approx(
+            np.median([t.sigma_pivot_home_px[0] for t in tables]), rel=0.2
+        )
+        assert np.std(scale_error) == pytest.approx(
+            np.median([t.sigma_pixels_per_m for t in tables]), rel=0.2
+        )
 
 
 def test_a_good_swing_shows_where_the_pivot_is() -> None:
@@ -85,7 +111,9 @@ def test_a_good_swing_shows_where_the_pivot_is() -> None:
     assert table.row_observed
     assert table.pivot_home_px == pytest.approx(TRUE_HOME_PX, abs=0.05)
     assert table.pixels_per_m == pytest.approx(TRUE_SCALE_PX_M, abs=0.05)
-    for found, true, sigma in zip(table.pivot_home_px, TRUE_HOME_PX, table.sigma_pivot_home_px, strict=True):
+    for found, true, sigma in zip(
+        table.pivot_home_px, TRUE_HOME_PX, table.sigma_pivot_home_px, strict=True
+    ):
         assert abs(found - true) < 4 * sigma
     assert abs(table.pixels_per_m - TRUE_SCALE_PX_M) < 4 * table.sigma_pixels_per_m
     assert table.residual_px == pytest.approx(math.hypot(0.003, 280 * NOISE_RAD), rel=0.1)
@@ -112,7 +140,9 @@ def test_the_noise_a_line_shares_with_its_pivot_miss_is_no_pivot_in_the_picture(
         miss_px = quiet.pivot_miss_px + (BELIEVED_HOME_PX[1] - MID_ROW_PX) * error_rad
         noisy.append(replace(quiet, raw_rad=quiet.raw_rad + error_rad, pivot_miss_px=miss_px))
     table = calibrate(noisy)
-    raw, miss = (np.concatenate([getattr(w, name) for w in noisy]) for name in ("raw_rad", "pivot_miss_px"))
+    raw, miss = (
+        np.concatenate([getattr(w, name) for w in noisy]) for name in ("raw_rad", "pivot_miss_px")
+    )
     x_m = np.concatenate([w.platform_m for w in noisy])
     naive = np.linalg.lstsq(np.stack([np.ones_like(x_m), x_m, raw], axis=-1), miss)[0][2]
     assert abs(BELIEVED_HOME_PX[1] - naive - TRUE_HOME_PX[1]) > 5

@@ -10,7 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rig.analysis.identify.errors import AnalysisError
-from rig.analysis.identify.swing import initial_swing_rad, peak_swing_rad, residual_amplitude_rad, truth_at
+from rig.analysis.identify.swing import (
+    initial_swing_rad,
+    peak_swing_rad,
+    residual_amplitude_rad,
+    truth_at,
+)
 
 OMEGA_RAD_S = 3.192
 
@@ -27,7 +32,11 @@ def test_a_window_without_angles_has_no_peak() -> None:
         peak_swing_rad(np.arange(6.0), np.zeros(6), 7.0, 8.0)
 
 
-@given(phase=st.floats(-math.pi, math.pi), amplitude_rad=st.floats(0.0, 0.3), t_start_s=st.floats(0, 1000))
+@given(
+    phase=st.floats(-math.pi, math.pi),
+    amplitude_rad=st.floats(0.0, 0.3),
+    t_start_s=st.floats(0, 1000),
+)
 def test_the_initial_swing_is_found_at_any_phase_even_on_less_than_two_periods(
     phase: float, amplitude_rad: float, t_start_s: float
 ) -> None:
@@ -40,28 +49,38 @@ def test_noise_moves_the_initial_swing_by_no_more_than_least_squares_allows() ->
     rng = np.random.default_rng(1)
     t = np.arange(0, 3.5, 0.02)
     clean = 0.002 * np.cos(OMEGA_RAD_S * t)
-    found = [initial_swing_rad(t, clean + rng.normal(0, 5e-5, t.size), OMEGA_RAD_S) for _ in range(200)]
+    found = [
+        initial_swing_rad(t, clean + rng.normal(0, 5e-5, t.size), OMEGA_RAD_S) for _ in range(200)
+    ]
     assert np.mean(found) == pytest.approx(0.002, abs=2e-6)
     assert np.std(found) == pytest.approx(5e-5 * math.sqrt(2 / t.size), rel=0.2)
 
 
 @pytest.mark.parametrize("t_s", [np.array([0.0, 1.0]), np.arange(0, 0.4, 0.02)])
-def test_a_quiet_window_too_short_for_a_sinusoid_is_refused(t_s: np.ndarray[tuple[int], np.dtype[np.float64]]) -> None:
+def test_a_quiet_window_too_short_for_a_sinusoid_is_refused(
+    t_s: np.ndarray[tuple[int], np.dtype[np.float64]],
+) -> None:
     with pytest.raises(AnalysisError, match="raise quiet_s"):
         initial_swing_rad(t_s, np.zeros(t_s.size), OMEGA_RAD_S)
 
 
 @given(t_s=st.floats(0, 100), amplitude_rad=st.floats(1e-6, 0.3), omega_rad_s=st.floats(1, 20))
-def test_the_residual_amplitude_is_the_same_anywhere_on_the_swing(t_s: float, amplitude_rad: float, omega_rad_s: float) -> None:
+def test_the_residual_amplitude_is_the_same_anywhere_on_the_swing(
+    t_s: float, amplitude_rad: float, omega_rad_s: float
+) -> None:
     angle_rad = amplitude_rad * math.sin(omega_rad_s * t_s)
     rate_rad_s = amplitude_rad * omega_rad_s * math.cos(omega_rad_s * t_s)
-    assert residual_amplitude_rad(angle_rad, rate_rad_s, omega_rad_s) == pytest.approx(amplitude_rad, rel=1e-12)
+    assert residual_amplitude_rad(angle_rad, rate_rad_s, omega_rad_s) == pytest.approx(
+        amplitude_rad, rel=1e-12
+    )
 
 
 def test_the_truth_between_its_stamps_is_true() -> None:
     known = np.arange(0, 3, 0.01)
     t = np.linspace(0, known[-1], 5000)
-    between = truth_at(t, known, np.sin(OMEGA_RAD_S * known), OMEGA_RAD_S * np.cos(OMEGA_RAD_S * known))
+    between = truth_at(
+        t, known, np.sin(OMEGA_RAD_S * known), OMEGA_RAD_S * np.cos(OMEGA_RAD_S * known)
+    )
     np.testing.assert_allclose(between, np.sin(OMEGA_RAD_S * t), atol=3e-9)
 
 

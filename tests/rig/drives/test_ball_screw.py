@@ -40,7 +40,12 @@ from rig.drives.screw.transmission import Transmission
 from rig.drives.screw.wishes import Shares, Wishes
 
 DATA = tomllib.loads((Path(__file__).parents[2] / "data" / "ball_screw.toml").read_text())
-FREE, SIMPLE, MIXED, FIXED = "fixed-free", "supported-supported", "fixed-supported", "fixed-fixed"  # ever stiffer
+FREE, SIMPLE, MIXED, FIXED = (
+    "fixed-free",
+    "supported-supported",
+    "fixed-supported",
+    "fixed-fixed",
+)  # ever stiffer
 
 # The source's axis: E = 200 GPa, its rounded coefficients, a slope of 10 degrees.
 PRINTED = SUPPORTS[MIXED]._replace(whirl=15.4, buckling=2.025)
@@ -96,10 +101,14 @@ def test_only_the_part_under_compression_buckles():
 
 
 def test_a_screw_held_at_both_ends_is_stiffest_as_two_springs_at_its_middle_at_worst():
-    screw = BallScrew(diameter_m=0.02, lead_m=0.01, mounting=Mounting(length_m=0.8, support=SUPPORTS[FIXED]))
+    screw = BallScrew(
+        diameter_m=0.02, lead_m=0.01, mounting=Mounting(length_m=0.8, support=SUPPORTS[FIXED])
+    )
     x = np.linspace(0.001, 0.799, 2001)
     area = math.pi * 0.02**2 / 4
-    assert screw.axial_stiffness_n_m == pytest.approx((200e9 * area * (1 / x + 1 / (0.8 - x))).min(), rel=1e-6)
+    assert screw.axial_stiffness_n_m == pytest.approx(
+        (200e9 * area * (1 / x + 1 / (0.8 - x))).min(), rel=1e-6
+    )
 
 
 @settings(max_examples=60)
@@ -118,7 +127,9 @@ def test_a_thicker_screw_is_stronger_in_every_way_and_a_longer_one_weaker(d, len
 
 def test_every_support_is_better_than_the_one_before_it():
     shafts = [
-        BallScrew(diameter_m=0.02, lead_m=0.02, mounting=Mounting(length_m=0.8, support=SUPPORTS[name]))
+        BallScrew(
+            diameter_m=0.02, lead_m=0.02, mounting=Mounting(length_m=0.8, support=SUPPORTS[name])
+        )
         for name in (FREE, SIMPLE, MIXED, FIXED)
     ]
     for virtue in (
@@ -147,7 +158,9 @@ def test_antiresonance_and_resonance_are_those_of_the_rotor_and_the_load_on_a_sp
     stiffness = k * np.array([[tau * tau, -tau], [-tau, 1.0]])
     modes = np.sqrt(np.abs(eigh(stiffness, np.diag([inertia, mass]), eigvals_only=True)))
     assert SCREW.resonance_rad_s(10.0, k, inertia) == pytest.approx(modes[1], rel=1e-9)
-    assert SCREW.antiresonance_rad_s(10.0, k) == pytest.approx(math.sqrt(k / mass), rel=1e-12)  # the motor held
+    assert SCREW.antiresonance_rad_s(10.0, k) == pytest.approx(
+        math.sqrt(k / mass), rel=1e-12
+    )  # the motor held
 
 
 def test_the_shaft_s_numbers_are_those_recomputed_for_the_source_s_screw():
@@ -169,7 +182,11 @@ def test_the_shaft_s_numbers_are_those_recomputed_for_the_source_s_screw():
         "sag_m": SCREW.sag_m(),
     }
     assert ours == pytest.approx(known, rel=3e-4)  # 184.6 is rounded there; all others hold 1e-6
-    known = {name: value for name, value in known.items() if name not in ("sag_m", "resonance_held_rad_s")}
+    known = {
+        name: value
+        for name, value in known.items()
+        if name not in ("sag_m", "resonance_held_rad_s")
+    }
     assert {name: ours[name] for name in known} == pytest.approx(known, rel=1e-6)
 
 
@@ -178,15 +195,26 @@ def by_name(found):
 
 
 @pytest.mark.parametrize("slope_deg", [0.0, 30.0, -60.0])
-def test_a_screw_on_two_bearings_sags_as_a_beam_under_its_weight_and_a_load_in_its_middle(slope_deg):
+def test_a_screw_on_two_bearings_sags_as_a_beam_under_its_weight_and_a_load_in_its_middle(
+    slope_deg,
+):
     """5 M g L^3 / (384 E I) and P L^3 / (48 E I), across the slope."""
-    screw = BallScrew(diameter_m=0.02, lead_m=0.01, mounting=Mounting(length_m=1.5, support=SUPPORTS[SIMPLE]))
+    screw = BallScrew(
+        diameter_m=0.02, lead_m=0.01, mounting=Mounting(length_m=1.5, support=SUPPORTS[SIMPLE])
+    )
     e_i, mass = 200e9 * math.pi * 0.02**4 / 64, 7800 * math.pi * 0.01**2 * 1.5
     across = 9.81 * math.cos(math.radians(slope_deg))
     own, load = 5 * mass * across * 1.5**3 / (384 * e_i), 3.0 * across * 1.5**3 / (48 * e_i)
     assert screw.sag_m(math.radians(slope_deg)) == pytest.approx(own, rel=1e-12)
-    assert screw.sag_m(math.radians(slope_deg), carried_kg=3.0) == pytest.approx(own + load, rel=1e-12)
-    axis = replace(AXIS, mounting=screw.mounting, load=replace(LOAD, slope_rad=math.radians(slope_deg)), carried_kg=3.0)
+    assert screw.sag_m(math.radians(slope_deg), carried_kg=3.0) == pytest.approx(
+        own + load, rel=1e-12
+    )
+    axis = replace(
+        AXIS,
+        mounting=screw.mounting,
+        load=replace(LOAD, slope_rad=math.radians(slope_deg)),
+        carried_kg=3.0,
+    )
     found = by_name(assess(axis, replace(UNIT, lead_m=0.01)))["sag"]
     assert found.value == pytest.approx(own + load, rel=1e-12)
 
@@ -194,7 +222,12 @@ def test_a_screw_on_two_bearings_sags_as_a_beam_under_its_weight_and_a_load_in_i
 def test_the_core_bends_and_gives_way_and_the_whole_screw_turns():
     cored, thin = replace(SCREW, core_diameter_m=0.017), replace(SCREW, diameter_m=0.017)
     assert cored.whirl_rad_s == pytest.approx(0.85 * SCREW.whirl_rad_s, rel=1e-12)
-    for virtue in ("whirl_rad_s", "buckling_load_n", "axial_stiffness_n_m", "torsional_stiffness_n_m_rad"):
+    for virtue in (
+        "whirl_rad_s",
+        "buckling_load_n",
+        "axial_stiffness_n_m",
+        "torsional_stiffness_n_m_rad",
+    ):
         assert getattr(cored, virtue) == pytest.approx(getattr(thin, virtue), rel=1e-12)
     assert cored.sag_m(carried_kg=5.0) == pytest.approx(thin.sag_m(carried_kg=5.0), rel=1e-12)
     assert (cored.mass_kg, cored.inertia_kg_m2) == (SCREW.mass_kg, SCREW.inertia_kg_m2)
@@ -202,9 +235,14 @@ def test_the_core_bends_and_gives_way_and_the_whole_screw_turns():
 
 def test_the_balls_are_as_fast_as_their_circle_is_wide_and_a_nut_may_have_its_own_limit():
     name = "ball speed d n"
-    plain, wide = by_name(assess(AXIS, UNIT))[name], by_name(assess(AXIS, replace(UNIT, ball_circle_m=0.0215)))[name]
+    plain, wide = (
+        by_name(assess(AXIS, UNIT))[name],
+        by_name(assess(AXIS, replace(UNIT, ball_circle_m=0.0215)))[name],
+    )
     assert wide.value == pytest.approx(plain.value * 0.0215 / 0.02, rel=1e-12)
-    assert by_name(assess(AXIS, replace(UNIT, limit_m_rpm=150.0)))[name].bound == pytest.approx(0.8 * 150.0)
+    assert by_name(assess(AXIS, replace(UNIT, limit_m_rpm=150.0)))[name].bound == pytest.approx(
+        0.8 * 150.0
+    )
     assert plain.bound == pytest.approx(0.8 * 120.0)
 
 
@@ -212,14 +250,24 @@ def test_the_balls_are_as_fast_as_their_circle_is_wide_and_a_nut_may_have_its_ow
 
 
 @settings(max_examples=60)
-@given(lengths, st.floats(0.1, 3.0), st.floats(0.3, 1.0), st.floats(70.0, 220.0), st.sampled_from(list(SUPPORTS)))
-def test_the_least_lead_of_all_is_where_the_lines_of_whirling_and_of_the_balls_cross(length, speed, share, limit, name):
+@given(
+    lengths,
+    st.floats(0.1, 3.0),
+    st.floats(0.3, 1.0),
+    st.floats(70.0, 220.0),
+    st.sampled_from(list(SUPPORTS)),
+)
+def test_the_least_lead_of_all_is_where_the_lines_of_whirling_and_of_the_balls_cross(
+    length, speed, share, limit, name
+):
     mounting = Mounting(length_m=length, support=SUPPORTS[name])
     least = absolute_least_lead(mounting, speed, share, limit)
 
     def lead(d):
         shaft = BallScrew(diameter_m=d, lead_m=1.0, mounting=mounting)
-        return max(least_lead_by_whirl_m(shaft, speed, share), least_lead_by_balls_m(d, speed, limit))
+        return max(
+            least_lead_by_whirl_m(shaft, speed, share), least_lead_by_balls_m(d, speed, limit)
+        )
 
     assert lead(least.diameter_m) == pytest.approx(least.lead_m, rel=1e-12)
     assert lead(least.diameter_m * 1.01) > least.lead_m
@@ -228,7 +276,13 @@ def test_the_least_lead_of_all_is_where_the_lines_of_whirling_and_of_the_balls_c
         2
         * length
         * speed
-        * math.sqrt(2 * math.pi * 60 * math.sqrt(7800) / (share * SUPPORTS[name].whirl * limit * math.sqrt(200e9)))
+        * math.sqrt(
+            2
+            * math.pi
+            * 60
+            * math.sqrt(7800)
+            / (share * SUPPORTS[name].whirl * limit * math.sqrt(200e9))
+        )
     )  # C.0.11
     assert least.lead_m == pytest.approx(printed, rel=1e-12)
 
@@ -238,7 +292,9 @@ def test_the_least_lead_of_all_is_where_the_lines_of_whirling_and_of_the_balls_c
 def test_the_diameter_for_a_sag_has_that_sag(sag, slope, carried):
     d = least_diameter_by_sag_m(MOUNTING, sag, slope, carried)
     if 1e-4 < d < 10.0:
-        assert BallScrew(diameter_m=d, lead_m=0.01, mounting=MOUNTING).sag_m(slope, carried) == pytest.approx(sag, rel=1e-9)
+        assert BallScrew(diameter_m=d, lead_m=0.01, mounting=MOUNTING).sag_m(
+            slope, carried
+        ) == pytest.approx(sag, rel=1e-9)
 
 
 def test_a_chain_that_is_too_soft_without_torsion_leaves_no_lead():
@@ -252,7 +308,9 @@ def test_the_greatest_lead_turns_an_angle_s_error_into_the_place_s():
 
 
 @pytest.mark.parametrize("material", BALLS_M_RPM)
-def test_the_speed_of_balls_is_the_careful_end_of_its_material_unless_the_maker_says_otherwise(material):
+def test_the_speed_of_balls_is_the_careful_end_of_its_material_unless_the_maker_says_otherwise(
+    material,
+):
     low, high = BALLS_M_RPM[material]
     assert Balls(material=material).allowed_m_rpm == low
     assert Balls(material=material, limit_m_rpm=high).usual
@@ -264,11 +322,21 @@ def test_the_speed_of_balls_is_the_careful_end_of_its_material_unless_the_maker_
 
 
 @settings(max_examples=60)
-@given(st.floats(1.0, 1e6), st.floats(1.0, 1e5), st.floats(1e-3, 3.0), st.floats(1e-3, 0.1), st.floats(1.0, 3.0))
-def test_life_and_dynamic_load_and_lead_are_inverse_to_each_other(hours, force, speed, lead, factor):
+@given(
+    st.floats(1.0, 1e6),
+    st.floats(1.0, 1e5),
+    st.floats(1e-3, 3.0),
+    st.floats(1e-3, 0.1),
+    st.floats(1.0, 3.0),
+)
+def test_life_and_dynamic_load_and_lead_are_inverse_to_each_other(
+    hours, force, speed, lead, factor
+):
     rated = dynamic_load_n(hours, force, speed, lead, factor)
     assert life_h(rated, force, speed, lead, factor) == pytest.approx(hours, rel=1e-12)
-    assert least_lead_by_life_m(hours, rated, force, speed, factor) == pytest.approx(lead, rel=1e-12)
+    assert least_lead_by_life_m(hours, rated, force, speed, factor) == pytest.approx(
+        lead, rel=1e-12
+    )
 
 
 def test_a_million_turns_under_the_rated_load_are_a_life_by_definition():
@@ -280,7 +348,9 @@ def test_a_million_turns_under_the_rated_load_are_a_life_by_definition():
 
 def test_the_equivalent_force_weighs_by_the_way_travelled():
     force, travel = np.array([100.0, -200.0, 900.0]), np.array([3.0, 1.0, 0.0])
-    assert equivalent_force_n(force, travel) == pytest.approx(((3 * 100**3 + 200**3) / 4) ** (1 / 3), rel=1e-12)
+    assert equivalent_force_n(force, travel) == pytest.approx(
+        ((3 * 100**3 + 200**3) / 4) ** (1 / 3), rel=1e-12
+    )
     assert equivalent_force_n(force, 0.0 * travel) == 0.0
 
 
@@ -303,7 +373,9 @@ def test_a_trapezoid_without_even_speed_is_a_triangle_and_without_shares_the_law
     assert triangle.peak_speed_m_s == pytest.approx(1.0)
     thirds, law = Move(stroke_m=0.3, time_s=0.5), LAWS["trapezoidal"](0.5).scaled(0.3)
     for order in (1, 2):
-        assert thirds.trajectory.peak(order).value == pytest.approx(law.peak(order).value, rel=1e-12)
+        assert thirds.trajectory.peak(order).value == pytest.approx(
+            law.peak(order).value, rel=1e-12
+        )
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -313,10 +385,14 @@ def test_every_law_goes_one_way_and_asks_of_the_nut_what_a_fine_sampling_does(la
     t = np.linspace(0.0, 0.4, 40_001)
     speed, acceleration = path.at(t, 1), path.at(t, 2)
     assert speed.min() > -1e-9
-    there, back = (10.0 * s * acceleration + LOAD.weight_n + s * LOAD.friction_n for s in (1.0, -1.0))
+    there, back = (
+        10.0 * s * acceleration + LOAD.weight_n + s * LOAD.friction_n for s in (1.0, -1.0)
+    )
     need = demand(cycle, LOAD)
     assert need.peak_speed_m_s == pytest.approx(speed.max(), rel=1e-6)
-    assert need.peak_force_n == pytest.approx(max(np.abs(there).max(), np.abs(back).max()), rel=1e-4)
+    assert need.peak_force_n == pytest.approx(
+        max(np.abs(there).max(), np.abs(back).max()), rel=1e-4
+    )
     assert need.peak_force_n >= max(np.abs(there).max(), np.abs(back).max()) * (1 - 1e-12)
     assert need.mean_speed_m_s == pytest.approx(0.6 / 0.9, rel=1e-9)
     squares = np.trapezoid(there**2 + back**2, t) + 2 * 0.05 * LOAD.weight_n**2
@@ -331,7 +407,11 @@ def test_a_rigid_screw_without_losses_asks_of_the_motor_what_the_motor_check_say
     gear = Transmission(efficiency=1.0, motor_inertia_kg_m2=2e-5)
     need = shaft_demand(cycle, AxisLoad(mass_kg=10.0), gear, SCREW)
     tau = SCREW.ratio_m_rad
-    drive = Drivetrain(motor_inertia_kg_m2=gear.inertia_kg_m2(SCREW), load_inertia_kg_m2=10.0 * tau**2, radius_m=tau)
+    drive = Drivetrain(
+        motor_inertia_kg_m2=gear.inertia_kg_m2(SCREW),
+        load_inertia_kg_m2=10.0 * tau**2,
+        radius_m=tau,
+    )
     known = effort(drive, cycle.moves[0].trajectory)
     assert need.peak_torque_n_m == pytest.approx(known.peak_torque_n_m.value, rel=1e-9)
     assert need.peak_speed_rad_s == pytest.approx(known.peak_speed_rad_s.value, rel=1e-9)
@@ -361,7 +441,11 @@ def test_losses_count_against_the_motor_when_it_drives_and_for_it_when_the_load_
 
 @pytest.mark.parametrize("cell", DATA["cell"], ids=lambda cell: f"{cell['move']}.{cell['phase']}")
 def test_every_printed_force_and_torque_is_ours_to_its_digits(cell):
-    row = next(row for row in table(CYCLE, LOAD, GEAR, SCREW) if (row.move, row.phase) == (cell["move"], cell["phase"]))
+    row = next(
+        row
+        for row in table(CYCLE, LOAD, GEAR, SCREW)
+        if (row.move, row.phase) == (cell["move"], cell["phase"])
+    )
     assert row.force_n == pytest.approx(cell["force_n"], abs=5.1e-4)
     assert row.torque_n_m == pytest.approx(cell["torque_n_m"], abs=5e-3)
 
@@ -370,7 +454,9 @@ def printed_table():
     """The table as printed: the return's T2 and T3 wrong."""
     wrong = {(3, 2): 0.6, (3, 3): 0.2}
     rows = table(CYCLE, LOAD, GEAR, SCREW)
-    return [row._replace(duration_s=wrong.get((row.move, row.phase), row.duration_s)) for row in rows]
+    return [
+        row._replace(duration_s=wrong.get((row.move, row.phase), row.duration_s)) for row in rows
+    ]
 
 
 def printed_rms(values):
@@ -399,7 +485,10 @@ SMALL = BallScrew(diameter_m=0.016, lead_m=0.016, mounting=Mounting(length_m=0.8
 def ours():
     """Our value of every printed figure; those named printed_ repeat the slips of the source's sheet."""
     need, shaft, rows = demand(CYCLE, LOAD), shaft_demand(CYCLE, LOAD, GEAR, SCREW), printed_table()
-    t, v = np.array([row.duration_s for row in rows]), np.array([row.mean_speed_m_s for row in rows])
+    t, v = (
+        np.array([row.duration_s for row in rows]),
+        np.array([row.mean_speed_m_s for row in rows]),
+    )
     rpm = 60.0 / 0.02
     moving = [row for row in table(CYCLE, LOAD, GEAR, SCREW) if row.phase]
     without_weight = [abs(row.inertia_n) + abs(row.friction_n) for row in moving]
@@ -437,12 +526,15 @@ def ours():
         "printed_rms_force_n": printed_rms([row.force_n * (row.phase > 0) for row in rows]),
         "printed_rms_torque_n_m": printed_rms([row.torque_n_m for row in rows]),
         "equivalent_force_n": need.equivalent_force_n,
-        "printed_equivalent_force_n": equivalent_force_n(np.array(without_weight), np.array(travel)),
+        "printed_equivalent_force_n": equivalent_force_n(
+            np.array(without_weight), np.array(travel)
+        ),
         "least_lead_120_m": least.lead_m,
         "diameter_120_m": least.diameter_m,
         "printed_diameter_m": 0.8 * 120 / (1.36 * 60) * 0.0165,
         "buckling_diameter_m": least_diameter_by_buckling_m(MOUNTING, 157.88, 0.6),
-        "printed_buckling_diameter_m": least_diameter_by_buckling_m(MOUNTING, 157.88, 0.6) / 0.8**0.25,
+        "printed_buckling_diameter_m": least_diameter_by_buckling_m(MOUNTING, 157.88, 0.6)
+        / 0.8**0.25,
         "buckling_coefficient": SUPPORTS[MIXED].buckling,
         "whirl_coefficient": SUPPORTS[MIXED].whirl,
         "critical_rpm": 0.7 * SCREW.whirl_rad_s * 60 / (2 * math.pi),

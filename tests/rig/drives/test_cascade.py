@@ -19,7 +19,9 @@ from rig.drives.servo.wiring import position_loop
 
 FIGURES = tomllib.loads((Path(__file__).parents[2] / "data" / "servo_loops.toml").read_text())
 EXAMPLE = FIGURES["example"]
-JOINT = TwoMass.normalised(EXAMPLE["antiresonance_rad_s"], EXAMPLE["inertia_ratio"], EXAMPLE["antiresonance_damping"])
+JOINT = TwoMass.normalised(
+    EXAMPLE["antiresonance_rad_s"], EXAMPLE["inertia_ratio"], EXAMPLE["antiresonance_damping"]
+)
 DRIVE = TwoMass(**FIGURES["drive"])
 GAINS = Cascade.normalised(JOINT)
 INSIDE = Notch.tuned_to(swinging(JOINT.poles_1_s)[-1])
@@ -36,7 +38,12 @@ class Joint:
         spring = np.array([k, d, -k, -d])
         motor = -spring / jm - np.array([0, joint.motor_friction_n_m_s_rad / jm, 0, 0])
         whole = np.zeros((6, 6))
-        whole[:4] = [[0, 1, 0, 0, 0, 0], [*motor, 1 / jm, 0], [0, 0, 0, 1, 0, 0], [*(spring / jl), 0, 1 / jl]]
+        whole[:4] = [
+            [0, 1, 0, 0, 0, 0],
+            [*motor, 1 / jm, 0],
+            [0, 0, 0, 1, 0, 0],
+            [*(spring / jl), 0, 1 / jl],
+        ]
         self.step_matrix, self.x = expm(whole * period_s)[:4], np.zeros(4)
 
     def run(self, controller, setpoint, steps, motor_torque=0.0, load_torque=0.0):
@@ -60,23 +67,33 @@ def test_the_speed_loop_has_the_poles_and_the_margin_of_the_reference():
     for name, notch in (("none", None), ("inside", INSIDE)):
         loop, known = GAINS.speed_loop(JOINT, notch), EXAMPLE[name]
         shown = modes(loop.shown_poles_1_s)
-        assert [mode.frequency_rad_s for mode in shown] == pytest.approx(known["speed_rad_s"], rel=1e-5)
+        assert [mode.frequency_rad_s for mode in shown] == pytest.approx(
+            known["speed_rad_s"], rel=1e-5
+        )
         assert [mode.damping for mode in shown] == pytest.approx(known["speed_damping"], abs=1e-5)
         assert loop.facts.margins.phase_deg == pytest.approx(known["phase_margin_deg"], abs=1e-3)
-    assert GAINS.speed_loop(JOINT).facts.margins.crossover_rad_s == pytest.approx(EXAMPLE["none"]["crossover_rad_s"], rel=1e-5)
+    assert GAINS.speed_loop(JOINT).facts.margins.crossover_rad_s == pytest.approx(
+        EXAMPLE["none"]["crossover_rad_s"], rel=1e-5
+    )
 
 
 def test_the_position_loop_has_the_poles_of_the_reference_and_hides_the_pair_that_was_cancelled():
     for name, (notch, where) in zip(("none", "inside", "upstream"), PLACES, strict=True):
         loop, known = GAINS.position_loop(JOINT, notch, where), EXAMPLE[name]
         shown, hidden = modes(loop.shown_poles_1_s), modes(loop.hidden_poles_1_s)
-        assert [mode.frequency_rad_s for mode in shown] == pytest.approx(known["position_rad_s"], rel=1e-5)
-        assert [mode.damping for mode in shown] == pytest.approx(known["position_damping"], abs=1e-5)
+        assert [mode.frequency_rad_s for mode in shown] == pytest.approx(
+            known["position_rad_s"], rel=1e-5
+        )
+        assert [mode.damping for mode in shown] == pytest.approx(
+            known["position_damping"], abs=1e-5
+        )
         if notch is None:
             assert hidden == ()
         else:
             ((frequency, damping),) = hidden
-            assert (frequency, damping) == pytest.approx((known["hidden_rad_s"], known["hidden_damping"]), rel=1e-5)
+            assert (frequency, damping) == pytest.approx(
+                (known["hidden_rad_s"], known["hidden_damping"]), rel=1e-5
+            )
         assert len(loop.facts.modes) == len(shown) + len(hidden)
 
 
@@ -94,7 +111,9 @@ def test_closed_loops_are_the_hand_polynomial_of_any_joint(filter_s):
     lag = [filter_s, 1.0] if filter_s else [1.0]
     pi = gains.speed_gain_n_m_s_rad * np.array([gains.reset_time_s, 1.0])
     outer = np.polyadd([1.0, 0.0], gains.position_gain_1_s * np.array(lag))
-    below = np.polymul(np.polymul([gains.reset_time_s, 0.0], lag), np.polymul(DRIVE.denominator, notch.denominator))
+    below = np.polymul(
+        np.polymul([gains.reset_time_s, 0.0], lag), np.polymul(DRIVE.denominator, notch.denominator)
+    )
     above = np.polymul(np.polymul(pi, outer), np.polymul(DRIVE.motor_numerator, notch.numerator))
     whole = np.polyadd(below, above)
     found = gains.position_loop(DRIVE, notch).closed.poles()
@@ -103,12 +122,21 @@ def test_closed_loops_are_the_hand_polynomial_of_any_joint(filter_s):
 
 @pytest.mark.parametrize(("notch", "where"), PLACES)
 def test_the_opened_loop_is_the_product_of_its_blocks(notch, where):
-    loop, s = GAINS.position_loop(JOINT, notch, where), 1j * np.array([3.0, 40.0, 190.0, 260.0, 2000.0])
-    passed = np.ones_like(s) if notch is None else np.polyval(notch.numerator, s) / np.polyval(notch.denominator, s)
+    loop, s = (
+        GAINS.position_loop(JOINT, notch, where),
+        1j * np.array([3.0, 40.0, 190.0, 260.0, 2000.0]),
+    )
+    passed = (
+        np.ones_like(s)
+        if notch is None
+        else np.polyval(notch.numerator, s) / np.polyval(notch.denominator, s)
+    )
     inside, upstream = (passed, 1.0) if where == "inside" else (1.0, passed)
     pi = GAINS.speed_gain_n_m_s_rad * (1.0 + 1.0 / (GAINS.reset_time_s * s))
     plant = np.polyval(JOINT.motor_numerator, s) / np.polyval(JOINT.denominator, s)
-    np.testing.assert_allclose(loop.opened(s), inside * pi * plant * (s + upstream * GAINS.position_gain_1_s), rtol=1e-7)
+    np.testing.assert_allclose(
+        loop.opened(s), inside * pi * plant * (s + upstream * GAINS.position_gain_1_s), rtol=1e-7
+    )
 
 
 @pytest.mark.parametrize(("notch", "where"), PLACES)
@@ -124,8 +152,13 @@ def test_the_sampled_loop_tends_to_the_continuous_one():
         right = modes(GAINS.position_loop(JOINT, notch, where).closed.poles())
         off = []
         for period_s in (4e-5, 1e-5):
-            found = position_loop(JOINT, [GAINS.sampled(period_s, notch, where)], period_s).facts.modes
-            near = [min(abs(mode.frequency_rad_s / one.frequency_rad_s - 1.0) for mode in found) for one in right]
+            found = position_loop(
+                JOINT, [GAINS.sampled(period_s, notch, where)], period_s
+            ).facts.modes
+            near = [
+                min(abs(mode.frequency_rad_s / one.frequency_rad_s - 1.0) for mode in found)
+                for one in right
+            ]
             off.append(max(near))
         assert off[1] < 0.3 * off[0] < 0.02
 
@@ -134,11 +167,17 @@ def test_the_sampled_loop_tends_to_the_continuous_one():
 @pytest.mark.parametrize("filter_s", [0.0, 2e-3])
 def test_the_controller_moves_a_joint_as_its_sampled_loop_says(notch, where, filter_s):
     period_s, steps = 5e-4, 400
-    gains = Cascade.normalised(JOINT, speed_filter_s=filter_s, feed_forward_inertia_kg_m2=0.7, speed_feed_forward=0.9)
+    gains = Cascade.normalised(
+        JOINT, speed_filter_s=filter_s, feed_forward_inertia_kg_m2=0.7, speed_feed_forward=0.9
+    )
     loop = position_loop(JOINT, [CascadeController(gains, period_s, notch, where).system], period_s)
-    pushes = np.array([1.0, 2.0, 30.0, 4.0, 5.0])  # angle, speed, acceleration, motor and load torque
+    pushes = np.array(
+        [1.0, 2.0, 30.0, 4.0, 5.0]
+    )  # angle, speed, acceleration, motor and load torque
     controller = CascadeController(gains, period_s, notch, where)
-    states, _ = Joint(JOINT, period_s).run(controller, Setpoint(1.0, 2.0, 30.0), steps, motor_torque=4.0, load_torque=5.0)
+    states, _ = Joint(JOINT, period_s).run(
+        controller, Setpoint(1.0, 2.0, 30.0), steps, motor_torque=4.0, load_torque=5.0
+    )
     x, outputs = np.zeros(loop.closed.nstates), []
     for _ in range(steps):
         outputs.append(loop.closed.C @ x + loop.closed.D @ pushes)
@@ -153,13 +192,21 @@ def test_sampled_fast_the_controller_does_what_the_continuous_loop_does():
         motor, speed, load, load_speed, integral = x
         error = GAINS.position_gain_1_s * (1.0 - motor) - speed
         torque = GAINS.speed_gain_n_m_s_rad * (error + integral / GAINS.reset_time_s)
-        twist = JOINT.stiffness_n_m_rad * (motor - load) + JOINT.elastic_damping_n_m_s_rad * (speed - load_speed)
+        twist = JOINT.stiffness_n_m_rad * (motor - load) + JOINT.elastic_damping_n_m_s_rad * (
+            speed - load_speed
+        )
         return speed, (torque - twist) / 0.5, load_speed, (twist - 3.0) / 0.5, error
 
     period_s, steps = 2e-5, 10_000
-    found, _ = Joint(JOINT, period_s).run(CascadeController(GAINS, period_s), Setpoint(1.0), steps, load_torque=-3.0)
+    found, _ = Joint(JOINT, period_s).run(
+        CascadeController(GAINS, period_s), Setpoint(1.0), steps, load_torque=-3.0
+    )
     times = np.arange(0, steps, 500) * period_s
-    right = solve_ivp(rate, (0.0, steps * period_s), np.zeros(5), t_eval=times, rtol=1e-10, atol=1e-12).y[:4].T
+    right = (
+        solve_ivp(rate, (0.0, steps * period_s), np.zeros(5), t_eval=times, rtol=1e-10, atol=1e-12)
+        .y[:4]
+        .T
+    )
     scale = np.abs(right).max(axis=0)
     np.testing.assert_allclose(found[::500] / scale, right / scale, atol=5e-3)
 
@@ -178,7 +225,9 @@ def test_full_speed_feed_forward_follows_a_ramp_without_lag_and_less_lags_by_its
     for share in (1.0, 0.4):
         gains = Cascade.normalised(DRIVE, speed_feed_forward=share)
         controller = CascadeController(gains, period_s)
-        states, _ = Joint(DRIVE, period_s).run(controller, lambda i: Setpoint(speed * i * period_s, speed), 4000)
+        states, _ = Joint(DRIVE, period_s).run(
+            controller, lambda i: Setpoint(speed * i * period_s, speed), 4000
+        )
         lag = speed * 3999 * period_s - states[-1, 0]
         assert lag == pytest.approx((1.0 - share) * speed / gains.position_gain_1_s, abs=1e-6)
 
@@ -199,7 +248,9 @@ def test_the_torque_keeps_its_limit_and_the_integrator_does_not_wind_up():
         def step(self, setpoint, motor_angle_rad):
             return min(max(self.free.step(setpoint, motor_angle_rad), -limit), limit)
 
-    bound, torques = Joint(DRIVE, period_s).run(CascadeController(gains, period_s), Setpoint(20.0), 3000)
+    bound, torques = Joint(DRIVE, period_s).run(
+        CascadeController(gains, period_s), Setpoint(20.0), 3000
+    )
     wound, _ = Joint(DRIVE, period_s).run(Winding(), Setpoint(20.0), 3000)
     assert np.abs(torques).max() == limit
     assert np.mean(np.abs(torques) == limit) > 0.1
@@ -260,7 +311,9 @@ def test_a_reset_controller_does_what_a_new_one_does():
 )
 def test_gains_out_of_bounds_are_refused(change, said):
     with pytest.raises(ServoError, match=said):
-        Cascade(**{"speed_gain_n_m_s_rad": 1.0, "reset_time_s": 1.0, "position_gain_1_s": 1.0, **change})
+        Cascade(
+            **{"speed_gain_n_m_s_rad": 1.0, "reset_time_s": 1.0, "position_gain_1_s": 1.0, **change}
+        )
 
 
 def test_a_controller_without_a_sample_time_or_with_a_notch_it_cannot_hold_is_refused():

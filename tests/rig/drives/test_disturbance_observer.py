@@ -21,7 +21,11 @@ from rig.drives.servo.two_mass import TwoMass
 FIGURES = tomllib.loads((Path(__file__).parents[2] / "data" / "servo_loops.toml").read_text())
 KNOWN = FIGURES["observer"]
 DRIVE = TwoMass(**FIGURES["drive"])
-NOMINALS = {"rigid": Nominal.motor_alone(DRIVE), "whole": Nominal.whole(DRIVE), "elastic": Nominal.elastic(DRIVE)}
+NOMINALS = {
+    "rigid": Nominal.motor_alone(DRIVE),
+    "whole": Nominal.whole(DRIVE),
+    "elastic": Nominal.elastic(DRIVE),
+}
 PERIOD_S = 1e-4
 
 
@@ -51,7 +55,12 @@ def run(joint, controller, steps, period_s=PERIOD_S, motor_torque=0.0, load_torq
     spring = np.array([*spring, *-spring])
     motor = -spring / jm - np.array([0, joint.motor_friction_n_m_s_rad / jm, 0, 0])
     whole = np.zeros((6, 6))
-    whole[:4] = [[0, 1, 0, 0, 0, 0], [*motor, 1 / jm, 0], [0, 0, 0, 1, 0, 0], [*(spring / jl), 0, 1 / jl]]
+    whole[:4] = [
+        [0, 1, 0, 0, 0, 0],
+        [*motor, 1 / jm, 0],
+        [0, 0, 0, 1, 0, 0],
+        [*(spring / jl), 0, 1 / jl],
+    ]
     step, x, states, torques = expm(whole * period_s)[:4], np.zeros(4), [], []
     for _ in range(steps):
         torque = controller.step(Setpoint(0.0), float(x[0]))
@@ -70,7 +79,9 @@ def test_q_passes_all_at_zero_and_falls_with_its_order(time_constant_s, order, k
     assert q.size == order + 1
     assert q[-1] == pytest.approx(1.0, rel=1e-9)
     corner = abs(1.0 / value(q, 1j / time_constant_s))
-    assert corner == pytest.approx(2.0 ** (-order / 2.0) if kind == "binomial" else math.sqrt(0.5), rel=1e-6)
+    assert corner == pytest.approx(
+        2.0 ** (-order / 2.0) if kind == "binomial" else math.sqrt(0.5), rel=1e-6
+    )
     assert abs(1.0 / value(q, 1e3j / time_constant_s)) == pytest.approx(1e3**-order, rel=1e-3)
 
 
@@ -105,14 +116,20 @@ def test_the_lecture_s_h_f_with_the_load_s_inertia_is_this_closed_form(time_cons
         motor = j.motor_inertia_kg_m2 * s**2 + j.motor_friction_n_m_s_rad * s
         h_f = (jl * s**2 + spring) * motor + high * spring * jl * s**2
         found = design(time_constant_s)
-        assert found.command(j, "motor").at(s / 1j) / s == pytest.approx((jl * s**2 + spring) / h_f, rel=1e-10)
+        assert found.command(j, "motor").at(s / 1j) / s == pytest.approx(
+            (jl * s**2 + spring) / h_f, rel=1e-10
+        )
         assert found.command(j, "load").at(s / 1j) / s == pytest.approx(spring / h_f, rel=1e-10)
-        assert found.disturbance(j, "motor", "load").at(s / 1j) / s == pytest.approx(high * spring / h_f, rel=1e-10)
+        assert found.disturbance(j, "motor", "load").at(s / 1j) / s == pytest.approx(
+            high * spring / h_f, rel=1e-10
+        )
 
 
 @pytest.mark.parametrize("nominal", NOMINALS)
 @pytest.mark.parametrize(("order", "kind"), [(1, "binomial"), (2, "butterworth"), (3, "binomial")])
-def test_disturbance_and_command_are_those_of_the_equations_solved_at_a_frequency(nominal, order, kind):
+def test_disturbance_and_command_are_those_of_the_equations_solved_at_a_frequency(
+    nominal, order, kind
+):
     """Motor, load and observer as four linear equations in the two speeds, the torque and its estimate."""
     j, jl = DRIVE, DRIVE.load_inertia_kg_m2 / DRIVE.gear_ratio**2
     own = design(1.3e-3, nominal, order, kind)
@@ -129,10 +146,18 @@ def test_disturbance_and_command_are_those_of_the_equations_solved_at_a_frequenc
         ]  # motor, load, wanted, added
         load, observer = [-spring, jl * s + spring, 0.0, 0.0], [q * inverse, 0.0, -q, 1.0 - q]
         equations = np.array([motor, load, [0.0, 0.0, 1.0, 0.0], observer])
-        for torque, speeds in (([1, 0, 0, 0], ("motor",)), ([0, 1, 0, 0], ("load",)), ([0, 0, 1, 0], ("command",))):
+        for torque, speeds in (
+            ([1, 0, 0, 0], ("motor",)),
+            ([0, 1, 0, 0], ("load",)),
+            ([0, 0, 1, 0], ("command",)),
+        ):
             right = np.linalg.solve(equations, np.array(torque, dtype=complex))
             for index, speed in enumerate(("motor", "load")):
-                ratio = own.command(j, speed) if speeds == ("command",) else own.disturbance(j, speeds[0], speed)
+                ratio = (
+                    own.command(j, speed)
+                    if speeds == ("command",)
+                    else own.disturbance(j, speeds[0], speed)
+                )
                 assert complex(ratio.at(omega)) == pytest.approx(right[index], rel=1e-8)
 
 
@@ -141,7 +166,9 @@ def test_disturbance_and_command_are_those_of_the_equations_solved_at_a_frequenc
 def test_a_constant_torque_moves_nothing_in_the_end(nominal, torque):
     for speed in ("motor", "load"):
         assert abs(design(nominal=nominal).disturbance(DRIVE, torque, speed).at(0.0)) < 1e-12
-    bare = DRIVE.load_numerator[-1] / DRIVE.denominator[-2]  # without observer friction alone holds it
+    bare = (
+        DRIVE.load_numerator[-1] / DRIVE.denominator[-2]
+    )  # without observer friction alone holds it
     assert bare == pytest.approx(1.0 / FIGURES["drive"]["motor_friction_n_m_s_rad"], rel=1e-9)
 
 
@@ -151,7 +178,9 @@ def test_the_elastic_nominal_keeps_the_joint_s_poles_and_filters_only_what_is_no
     assert pair == pytest.approx(swinging(DRIVE.poles_1_s)[0], rel=1e-9)
     plant = DRIVE.plant["motor_speed", "motor_torque"]
     high = 1j * omega * 5e-4 / (1.0 + 1j * omega * 5e-4)
-    np.testing.assert_allclose(own.disturbance(DRIVE, "motor", "motor").at(omega), high * plant(1j * omega), rtol=1e-9)
+    np.testing.assert_allclose(
+        own.disturbance(DRIVE, "motor", "motor").at(omega), high * plant(1j * omega), rtol=1e-9
+    )
     np.testing.assert_allclose(own.command(DRIVE, "motor").at(omega), plant(1j * omega), rtol=1e-9)
     (hidden,) = modes(own.hidden_poles_1_s(DRIVE))
     assert hidden.frequency_rad_s == pytest.approx(KNOWN["locked_rotor_rad_s"], rel=1e-6)
@@ -167,13 +196,18 @@ def test_an_elastic_nominal_of_another_joint_has_poles_of_its_own():
 
 @pytest.mark.parametrize("nominal", NOMINALS)
 @pytest.mark.parametrize(
-    ("measured", "order", "kind"), [("speed", 1, "binomial"), ("speed", 3, "butterworth"), ("angle", 2, "binomial")]
+    ("measured", "order", "kind"),
+    [("speed", 1, "binomial"), ("speed", 3, "butterworth"), ("angle", 2, "binomial")],
 )
 def test_the_estimator_is_q_over_the_nominal(nominal, measured, order, kind):
     own = design(2e-3, nominal, order, kind, measured)
     for s in (10j, 300j, 5000j):
         q = 1.0 / value(own.low_pass.denominator, s)
-        inverse = value(own.nominal.denominator, s) / value(own.nominal.numerator, s) * (s if measured == "angle" else 1.0)
+        inverse = (
+            value(own.nominal.denominator, s)
+            / value(own.nominal.numerator, s)
+            * (s if measured == "angle" else 1.0)
+        )
         np.testing.assert_allclose(own.estimator()(s), [[q, -q * inverse]], rtol=1e-8)
 
 
@@ -204,7 +238,8 @@ def test_a_joint_that_is_the_nominal_leaves_the_observer_the_margins_of_its_filt
 
 @pytest.mark.parametrize("nominal", NOMINALS)
 @pytest.mark.parametrize(
-    ("measured", "order", "kind"), [("speed", 1, "binomial"), ("speed", 3, "butterworth"), ("angle", 2, "binomial")]
+    ("measured", "order", "kind"),
+    [("speed", 1, "binomial"), ("speed", 3, "butterworth"), ("angle", 2, "binomial")],
 )
 def test_a_constant_torque_on_the_motor_is_found_and_cancelled(nominal, measured, order, kind):
     observer = DisturbanceObserver(design(2e-3, nominal, order, kind, measured), PERIOD_S)
@@ -219,7 +254,8 @@ def test_for_a_rigid_load_without_friction_the_sampled_observer_is_exact(measure
     inertia, period_s = 4e-4, 1e-3
     low_pass = LowPass(time_constant_s=2e-3, order=2)
     observer = DisturbanceObserver(
-        ObserverDesign(low_pass=low_pass, nominal=Nominal.rigid(inertia), measured=measured), period_s
+        ObserverDesign(low_pass=low_pass, nominal=Nominal.rigid(inertia), measured=measured),
+        period_s,
     )
     angle = speed = torque = 0.0
     for index in range(200):
@@ -229,10 +265,20 @@ def test_for_a_rigid_load_without_friction_the_sampled_observer_is_exact(measure
         speed += torque / inertia * period_s
 
 
-@pytest.mark.parametrize(("nominal", "time_constant_s"), [("rigid", 5e-4), ("rigid", 2e-3), ("elastic", 5e-4)])
-def test_sampled_it_answers_a_torque_as_the_closed_form_does_with_a_time_constant_longer_by_a_sample(nominal, time_constant_s):
+@pytest.mark.parametrize(
+    ("nominal", "time_constant_s"), [("rigid", 5e-4), ("rigid", 2e-3), ("elastic", 5e-4)]
+)
+def test_sampled_it_answers_a_torque_as_the_closed_form_does_with_a_time_constant_longer_by_a_sample(
+    nominal, time_constant_s
+):
     own, steps, period_s = design(time_constant_s, nominal), 4000, 2e-5
-    states, _ = run(DRIVE, Compensated(Resting(), DisturbanceObserver(own, period_s)), steps, period_s, motor_torque=0.1)
+    states, _ = run(
+        DRIVE,
+        Compensated(Resting(), DisturbanceObserver(own, period_s)),
+        steps,
+        period_s,
+        motor_torque=0.1,
+    )
     top, below = design(time_constant_s + period_s, nominal).disturbance(DRIVE, "motor", "load")
     poles = np.roots(below)
     times = np.arange(steps) * period_s
@@ -270,7 +316,12 @@ def ring(time_constant_s, nominal):
 
 def test_with_a_fast_rigid_observer_the_load_rings_at_the_locked_rotor_pair():
     twist, pair = ring(2e-4, "rigid"), design(2.5e-4).least_damped(DRIVE)  # a sample longer
-    tops = np.flatnonzero((np.abs(twist[1:-1]) > np.abs(twist[:-2])) & (np.abs(twist[1:-1]) >= np.abs(twist[2:]))) + 1
+    tops = (
+        np.flatnonzero(
+            (np.abs(twist[1:-1]) > np.abs(twist[:-2])) & (np.abs(twist[1:-1]) >= np.abs(twist[2:]))
+        )
+        + 1
+    )
     half_period_s = float(np.mean(np.diff(tops))) * 5e-5
     decrement = math.log(abs(twist[tops[0]] / twist[tops[-1]])) / (len(tops) - 1)
     damping = decrement / math.hypot(math.pi, decrement)
@@ -286,7 +337,8 @@ def test_a_slower_rigid_observer_calms_the_load_and_the_elastic_one_leaves_it_as
     bare = bare_states[:, 0] - bare_states[:, 2]
     bare = bare[3000:] / np.abs(bare).max()
     fast, slow, elastic = (
-        np.sqrt(np.mean(ring(*words) ** 2)) for words in ((2e-4, "rigid"), (2e-3, "rigid"), (2e-4, "elastic"))
+        np.sqrt(np.mean(ring(*words) ** 2))
+        for words in ((2e-4, "rigid"), (2e-3, "rigid"), (2e-4, "elastic"))
     )
     assert slow < 0.4 * fast
     np.testing.assert_allclose(elastic, np.sqrt(np.mean(bare**2)), rtol=0.05)
@@ -296,7 +348,11 @@ def test_under_a_cascade_the_observer_cuts_what_a_torque_on_the_motor_does():
     gains, peaks = Cascade.normalised(DRIVE, 0.7, 0.15), {}
     for name in ("none", "rigid", "elastic"):
         cascade = CascadeController(gains, 5e-4)
-        controller = cascade if name == "none" else Compensated(cascade, DisturbanceObserver(design(1e-3, name), 5e-4))
+        controller = (
+            cascade
+            if name == "none"
+            else Compensated(cascade, DisturbanceObserver(design(1e-3, name), 5e-4))
+        )
         states, _ = run(DRIVE, controller, 1500, 5e-4, motor_torque=0.1)
         assert np.abs(states[-1, 1:]).max() < 0.05 * np.abs(states[:, 1:]).max()
         peaks[name] = np.abs(states[:, 2]).max()
@@ -336,7 +392,10 @@ def test_the_observer_knows_the_torque_that_was_left_by_the_limit():
 
 
 def test_a_reset_observer_does_what_a_new_one_does():
-    controller = Compensated(CascadeController(Cascade.normalised(DRIVE), PERIOD_S), DisturbanceObserver(design(), PERIOD_S))
+    controller = Compensated(
+        CascadeController(Cascade.normalised(DRIVE), PERIOD_S),
+        DisturbanceObserver(design(), PERIOD_S),
+    )
     first = [controller.step(Setpoint(1.0, 2.0, 3.0), 0.01 * i) for i in range(20)]
     controller.reset()
     assert [controller.step(Setpoint(1.0, 2.0, 3.0), 0.01 * i) for i in range(20)] == first
@@ -346,12 +405,17 @@ def test_a_reset_observer_does_what_a_new_one_does():
 
 
 def test_a_q_that_would_have_to_differentiate_is_refused():
-    with pytest.raises(Improper, match=r"order = 1 of Q .* to angle; must be >= 2: raise the order, or measure the speed"):
+    with pytest.raises(
+        Improper,
+        match=r"order = 1 of Q .* to angle; must be >= 2: raise the order, or measure the speed",
+    ):
         design(order=1, measured="angle")
 
 
 def test_a_q_beyond_half_the_sampling_is_refused():
-    with pytest.raises(BeyondNyquist, match=r"1 / time_constant_s = 10000 rad/s with a sample time of 0.001 s"):
+    with pytest.raises(
+        BeyondNyquist, match=r"1 / time_constant_s = 10000 rad/s with a sample time of 0.001 s"
+    ):
         DisturbanceObserver(design(1e-4), 1e-3)
 
 
@@ -362,9 +426,15 @@ def test_a_q_beyond_half_the_sampling_is_refused():
         (lambda: LowPass(time_constant_s=1.0, order=0), "order = 0; must be 1 to 8"),
         (lambda: Nominal.rigid(0.0), "inertia_kg_m2 = 0.0; must be"),
         (lambda: Nominal.rigid(1.0, -1.0), "friction_n_m_s_rad = -1.0; must be"),
-        (lambda: Nominal.elastic(TwoMass.normalised(100.0, 1.0, 0.0)), "elastic_damping_n_m_s_rad = 0 .* must be > 0"),
+        (
+            lambda: Nominal.elastic(TwoMass.normalised(100.0, 1.0, 0.0)),
+            "elastic_damping_n_m_s_rad = 0 .* must be > 0",
+        ),
         (lambda: DisturbanceObserver(design(), math.nan), "period_s = nan; must be"),
-        (lambda: Compensated(Resting(), DisturbanceObserver(design(), PERIOD_S), 0.0), "torque_limit_n_m = 0.0; must be"),
+        (
+            lambda: Compensated(Resting(), DisturbanceObserver(design(), PERIOD_S), 0.0),
+            "torque_limit_n_m = 0.0; must be",
+        ),
     ],
 )
 def test_what_is_no_observer_is_refused(make, said):

@@ -13,10 +13,23 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.linalg import expm, solve_continuous_are, solve_continuous_lyapunov, solve_discrete_lyapunov
+from scipy.linalg import (
+    expm,
+    solve_continuous_are,
+    solve_continuous_lyapunov,
+    solve_discrete_lyapunov,
+)
 
 from rig.drives.servo.errors import BeyondNyquist, NotObservable, PolesOutOfReach, ServoError
-from rig.drives.servo.estimator import ENCODER, Estimator, Noise, SampledEstimator, assign, kalman, sampled_kalman
+from rig.drives.servo.estimator import (
+    ENCODER,
+    Estimator,
+    Noise,
+    SampledEstimator,
+    assign,
+    kalman,
+    sampled_kalman,
+)
 from rig.drives.servo.reachability import own_units
 from rig.drives.servo.two_mass import TwoMass
 
@@ -96,7 +109,12 @@ def product(*polynomials):
 
 def total(*polynomials):
     length = max(map(len, polynomials))
-    return [sum(c) for c in zip(*([Fraction(0)] * (length - len(p)) + list(p) for p in polynomials), strict=True)]
+    return [
+        sum(c)
+        for c in zip(
+            *([Fraction(0)] * (length - len(p)) + list(p) for p in polynomials), strict=True
+        )
+    ]
 
 
 def mirrored(polynomial):
@@ -110,7 +128,11 @@ def return_differences(joint, gains, noise):
     f = Fraction
     jm, n = f(joint.motor_inertia_kg_m2), f(joint.gear_ratio)
     jl, dl = f(joint.load_inertia_kg_m2) / n**2, f(joint.load_friction_n_m_s_rad) / n**2
-    k, d, dm = f(joint.stiffness_n_m_rad), f(joint.elastic_damping_n_m_s_rad), f(joint.motor_friction_n_m_s_rad)
+    k, d, dm = (
+        f(joint.stiffness_n_m_rad),
+        f(joint.elastic_damping_n_m_s_rad),
+        f(joint.motor_friction_n_m_s_rad),
+    )
     motor, load, spring = [jm, d + dm, k], [jl, d + dl, k], [d, k]
     a = total(product(motor, load), [-c for c in product(spring, spring)])
     columns = [  # C adj(s 1 - A), times Jm Jlr
@@ -119,7 +141,9 @@ def return_differences(joint, gains, noise):
         total(product(spring, load[:2]), [-d * c for c in load]),
         [jl * c for c in spring],
     ]
-    chi = total(a, *([f(gain) * c for c in column] for gain, column in zip(gains, columns, strict=True)))
+    chi = total(
+        a, *([f(gain) * c for c in column] for gain, column in zip(gains, columns, strict=True))
+    )
     density = f(noise.angle_rad2) * f(noise.encoder_period_s)
     by_motor = [f(noise.motor_torque_n2_m2_s) / density * c for c in mirrored(load)]
     by_load = [f(noise.load_torque_n2_m2_s) / density * c for c in mirrored(spring)]
@@ -130,7 +154,9 @@ def return_differences(joint, gains, noise):
 def test_the_reference_s_noise_gives_the_reference_s_gains_and_poles():
     estimator = kalman(LISTED)
     np.testing.assert_allclose(estimator.gains, DATA["kalman"]["gains"], rtol=1e-7)
-    np.testing.assert_allclose(np.sort_complex(estimator.poles_1_s(LISTED)), np.sort_complex(POLES), rtol=1e-7)
+    np.testing.assert_allclose(
+        np.sort_complex(estimator.poles_1_s(LISTED)), np.sort_complex(POLES), rtol=1e-7
+    )
 
 
 def test_its_poles_assigned_give_the_kalman_filter_back():
@@ -141,7 +167,9 @@ def test_its_poles_assigned_give_the_kalman_filter_back():
 def test_the_kalman_filter_is_the_dual_of_a_regulator(joint):
     noise = Noise(motor_torque_n2_m2_s=1e-5, load_torque_n2_m2_s=3e-6, encoder_counts_per_rev=2000)
     b, density = joint.input_matrix, (2 * math.pi / 2000) ** 2 / 12 * noise.encoder_period_s
-    p = solve_continuous_are(joint.state_matrix.T, ENCODER[:, None], b @ np.diag([1e-5, 3e-6]) @ b.T, density)
+    p = solve_continuous_are(
+        joint.state_matrix.T, ENCODER[:, None], b @ np.diag([1e-5, 3e-6]) @ b.T, density
+    )
     np.testing.assert_allclose(kalman(joint, noise).gains, p[:, 0] / density, rtol=1e-7)
 
 
@@ -153,7 +181,11 @@ def test_any_other_gain_estimates_worse(place, share):
     def variance(gains):
         a = LISTED.state_matrix - np.outer(gains, ENCODER)
         density = noise.angle_rad2 * noise.encoder_period_s
-        return np.diag(solve_continuous_lyapunov(a, -(b @ noise.torques @ b.T + density * np.outer(gains, gains))))
+        return np.diag(
+            solve_continuous_lyapunov(
+                a, -(b @ noise.torques @ b.T + density * np.outer(gains, gains))
+            )
+        )
 
     best = np.array(kalman(LISTED).gains)
     other = best.copy()
@@ -175,9 +207,14 @@ def test_sampled_its_error_dies_out_with_the_same_poles(period_s):
 def test_the_continuous_kalman_filter_has_the_optimal_return_difference_whatever_the_encoder(
     joint, load_torque, counts, period_s
 ):
-    noise = Noise(load_torque_n2_m2_s=load_torque, encoder_counts_per_rev=counts, encoder_period_s=period_s)
+    noise = Noise(
+        load_torque_n2_m2_s=load_torque, encoder_counts_per_rev=counts, encoder_period_s=period_s
+    )
     estimator = kalman(joint, noise)
-    off = [abs(ours - best) / size for ours, best, size in zip(*return_differences(joint, estimator.gains, noise), strict=True)]
+    off = [
+        abs(ours - best) / size
+        for ours, best, size in zip(*return_differences(joint, estimator.gains, noise), strict=True)
+    ]
     assert max(map(float, off)) < 1e-10
     assert np.max(estimator.poles_1_s(joint).real) < 0.0
 
@@ -185,10 +222,18 @@ def test_the_continuous_kalman_filter_has_the_optimal_return_difference_whatever
 def test_a_fine_encoder_is_not_lost_in_rounding():
     noise = Noise(encoder_counts_per_rev=2**23, encoder_period_s=1.25e-4)
     scale, density = own_units(LISTED).states, noise.angle_rad2 * noise.encoder_period_s
-    a = (LISTED.state_matrix - np.outer(kalman(LISTED, noise).gains, ENCODER)) * scale / scale[:, None]
+    a = (
+        (LISTED.state_matrix - np.outer(kalman(LISTED, noise).gains, ENCODER))
+        * scale
+        / scale[:, None]
+    )
     b, gains = LISTED.input_matrix / scale[:, None], np.array(kalman(LISTED, noise).gains) / scale
-    variance = solve_continuous_lyapunov(a, -(b @ noise.torques @ b.T + density * np.outer(gains, gains)))
-    assert math.sqrt(variance[0, 0]) == pytest.approx(7.389e-7, rel=1e-3)  # 0.072 rad of a Riccati equation in SI units
+    variance = solve_continuous_lyapunov(
+        a, -(b @ noise.torques @ b.T + density * np.outer(gains, gains))
+    )
+    assert math.sqrt(variance[0, 0]) == pytest.approx(
+        7.389e-7, rel=1e-3
+    )  # 0.072 rad of a Riccati equation in SI units
     assert gains[0] * density == pytest.approx(variance[0, 0], rel=1e-6)
 
 
@@ -215,7 +260,9 @@ def test_the_sampled_filter_is_where_the_riccati_recursion_ends(joint, counts, p
 @pytest.mark.parametrize("share", [0.97, 1.03])
 def test_any_other_sampled_gain_estimates_worse(place, share):
     best = sampled_kalman(LISTED, Noise(), PERIOD_S)
-    np.testing.assert_allclose(spread_of(LISTED, best.sampled(LISTED, PERIOD_S)), best.deviations, rtol=1e-9)
+    np.testing.assert_allclose(
+        spread_of(LISTED, best.sampled(LISTED, PERIOD_S)), best.deviations, rtol=1e-9
+    )
     other = best.sampled(LISTED, PERIOD_S)
     other[place] *= share
     assert np.all(spread_of(LISTED, other) > np.array(best.deviations))
@@ -249,7 +296,9 @@ def test_the_promised_deviations_are_those_of_a_joint_with_noise_and_a_real_enco
     estimator = sampled_kalman(LISTED, Noise(encoder_counts_per_rev=counts), PERIOD_S)
     a, b, added = propagated(LISTED, PERIOD_S)
     spread, gains = np.linalg.cholesky(added), estimator.sampled(LISTED, PERIOD_S)[:, None]
-    truth = np.array([[0.0], [50.0], [0.0], [50.0]]) + np.zeros((4, joints))  # they turn, else the error of a step is no noise
+    truth = np.array([[0.0], [50.0], [0.0], [50.0]]) + np.zeros(
+        (4, joints)
+    )  # they turn, else the error of a step is no noise
     guess, squares, count = truth.copy(), np.zeros(4), 0
     for k in range(samples):
         read = step * np.round(truth[0] / step)
@@ -290,11 +339,16 @@ def test_any_joint_and_noise_has_a_filter_that_settles_or_a_word_why_not(
     if sampled := unless_refused(sampled_kalman, joint, noise, period_s):
         assert np.max(sampled.poles_1_s(joint).real) < 0.0
         assert np.all(np.isfinite(sampled.deviations))
-        assert sampled.deviations[0] <= math.sqrt(noise.angle_rad2) * (1 + 1e-9)  # one reading alone is no better
+        assert sampled.deviations[0] <= math.sqrt(noise.angle_rad2) * (
+            1 + 1e-9
+        )  # one reading alone is no better
 
 
 def test_sampled_gains_tend_to_the_continuous_ones_with_the_period():
-    off = [np.max(np.abs(assign(LISTED, POLES).sampled(LISTED, t) / t / DATA["kalman"]["gains"] - 1.0)) for t in (1e-5, 1e-6)]
+    off = [
+        np.max(np.abs(assign(LISTED, POLES).sampled(LISTED, t) / t / DATA["kalman"]["gains"] - 1.0))
+        for t in (1e-5, 1e-6)
+    ]
     assert off[1] < 2e-3
     assert off[0] / off[1] == pytest.approx(10.0, rel=0.1)
 
@@ -331,7 +385,11 @@ def test_a_joint_that_turns_is_estimated_without_lag():
 
 
 def test_a_mode_the_encoder_does_not_see_is_refused():
-    for design in (kalman, lambda joint: assign(joint, POLES), lambda joint: sampled_kalman(joint, Noise(), PERIOD_S)):
+    for design in (
+        kalman,
+        lambda joint: assign(joint, POLES),
+        lambda joint: sampled_kalman(joint, Noise(), PERIOD_S),
+    ):
         with pytest.raises(NotObservable, match=r"measure = .* must be > 1e-08"):
             design(SOFT)
 
@@ -362,17 +420,25 @@ def test_a_filter_too_fast_for_the_sample_time_is_refused():
 
 def test_noise_too_unlike_for_floating_point_is_refused():
     with pytest.raises(
-        ServoError, match=r"load_torque_n2_m2_s=0\.0, encoder_counts_per_rev=1099511627776.*rounding.*fewer counts"
+        ServoError,
+        match=r"load_torque_n2_m2_s=0\.0, encoder_counts_per_rev=1099511627776.*rounding.*fewer counts",
     ):
         kalman(UNDAMPED, Noise(load_torque_n2_m2_s=0.0, encoder_counts_per_rev=2**40))
     coarse = Noise(motor_torque_n2_m2_s=1e-18, load_torque_n2_m2_s=0.0, encoder_counts_per_rev=1)
-    with pytest.raises(ServoError, match=r"leaves 0\.9999.* after a sample; must be < 1 - 1e-09: give the torques more noise"):
+    with pytest.raises(
+        ServoError,
+        match=r"leaves 0\.9999.* after a sample; must be < 1 - 1e-09: give the torques more noise",
+    ):
         sampled_kalman(UNDAMPED, coarse, PERIOD_S)
 
 
 @pytest.mark.parametrize(
     ("period_s", "error", "match"),
-    [(0.0, ServoError, "period_s = 0"), (math.nan, ServoError, "nan"), (0.02, BeyondNyquist, "157")],
+    [
+        (0.0, ServoError, "period_s = 0"),
+        (math.nan, ServoError, "nan"),
+        (0.02, BeyondNyquist, "157"),
+    ],
 )
 def test_a_sample_time_that_cannot_be_is_refused(period_s, error, match):
     with pytest.raises(error, match=match):
@@ -388,7 +454,15 @@ def test_a_sampled_filter_without_a_sample_time_is_refused():
     ("joint", "motor_torque", "load_torque", "counts", "period_s"),
     [  # entries of 2e15 and 1.5e16: the sampled equations would be rounding, another for each BLAS kernel
         (
-            [7.170768017872791e-09, 1.0235251824526983e-06, 3953815175.6819324, 71.46164955885139, 0.0, 0.0, 4.612631252960704],
+            [
+                7.170768017872791e-09,
+                1.0235251824526983e-06,
+                3953815175.6819324,
+                71.46164955885139,
+                0.0,
+                0.0,
+                4.612631252960704,
+            ],
             135663427057.0272,
             0.0,
             106.99889860713124,
@@ -415,13 +489,21 @@ def test_a_joint_far_stiffer_than_its_sampling_never_makes_a_filter_of_rounding(
     joint, motor_torque, load_torque, counts, period_s
 ):
     names = [field.name for field in fields(TwoMass)]
-    noise = Noise(motor_torque_n2_m2_s=motor_torque, load_torque_n2_m2_s=load_torque, encoder_counts_per_rev=counts)
-    with pytest.raises(ServoError, match=r"sampled equations is .*; must be <= 1e\+09 to hold in floating point"):
+    noise = Noise(
+        motor_torque_n2_m2_s=motor_torque,
+        load_torque_n2_m2_s=load_torque,
+        encoder_counts_per_rev=counts,
+    )
+    with pytest.raises(
+        ServoError, match=r"sampled equations is .*; must be <= 1e\+09 to hold in floating point"
+    ):
         sampled_kalman(TwoMass(**dict(zip(names, joint, strict=True))), noise, period_s)
 
 
 def test_a_sampled_filter_is_refused_at_another_sample_time():
-    with pytest.raises(ServoError, match=r"period_s = 0\.002 for an estimator of 0\.001 s; must be the same"):
+    with pytest.raises(
+        ServoError, match=r"period_s = 0\.002 for an estimator of 0\.001 s; must be the same"
+    ):
         sampled_kalman(LISTED, Noise(), PERIOD_S).sampled(LISTED, 2e-3)
 
 
@@ -443,6 +525,9 @@ def test_noise_that_cannot_be_is_refused(key, value):
 
 @pytest.mark.parametrize("gains", [(1.0, 2.0, 3.0), (1.0, 2.0, 3.0, math.nan)])
 def test_gains_that_are_not_four_numbers_are_refused(gains):
-    for design in (Estimator, lambda gains: SampledEstimator(gains, PERIOD_S, (1.0, 1.0, 1.0, 1.0))):
+    for design in (
+        Estimator,
+        lambda gains: SampledEstimator(gains, PERIOD_S, (1.0, 1.0, 1.0, 1.0)),
+    ):
         with pytest.raises(ServoError, match="must be four"):
             design(gains)

@@ -16,7 +16,15 @@ from scipy.signal import lsim
 
 from rig.drives.servo.errors import Improper, ServoError
 from rig.drives.servo.estimator import kalman
-from rig.drives.servo.feed_forward import LoadFilter, characteristic, dynamic, lead, least_degree, nominal, pair
+from rig.drives.servo.feed_forward import (
+    LoadFilter,
+    characteristic,
+    dynamic,
+    lead,
+    least_degree,
+    nominal,
+    pair,
+)
 from rig.drives.servo.lqg import compensator
 from rig.drives.servo.state_feedback import lq
 from rig.drives.servo.two_mass import TwoMass
@@ -76,7 +84,9 @@ def test_any_filter_of_enough_poles_will_do():
     load_filter = LoadFilter((2e4, 4e6), (1.0, 290.0, 4.1e4, 3e6, 4e6))
     s = 1j * FREQUENCIES
     wanted = np.polyval(load_filter.numerator, s) / np.polyval(load_filter.denominator, s)
-    np.testing.assert_allclose(response(LISTED, lq(LISTED, DATA["lq"]["weights"]), load_filter), wanted, rtol=1e-12)
+    np.testing.assert_allclose(
+        response(LISTED, lq(LISTED, DATA["lq"]["weights"]), load_filter), wanted, rtol=1e-12
+    )
 
 
 @joints
@@ -110,14 +120,25 @@ def test_the_zero_that_is_cancelled_is_stable_in_every_joint():
         assert all(root < 0.0 for root in np.roots(joint.load_numerator))
     with pytest.raises(ServoError, match=r"elastic_damping_n_m_s_rad = -0\.001; must be"):
         replace(LISTED, elastic_damping_n_m_s_rad=-1e-3)
-    assert np.roots(LISTED.load_numerator) == pytest.approx([DATA["structure"]["zero_to_load"]], rel=1e-7)
+    assert np.roots(LISTED.load_numerator) == pytest.approx(
+        [DATA["structure"]["zero_to_load"]], rel=1e-7
+    )
 
 
-@pytest.mark.parametrize(("name", "degree", "least"), [("listed", 2, 3), ("fitted", 0, 3), ("undamped", 3, 4)])
+@pytest.mark.parametrize(
+    ("name", "degree", "least"), [("listed", 2, 3), ("fitted", 0, 3), ("undamped", 3, 4)]
+)
 def test_a_filter_with_too_few_poles_is_refused(name, degree, least):
     joint = JOINTS[name]
-    for told in (nominal, lambda j, f: pair(j, lq(j, DATA["lq"]["weights"]), f), lambda j, f: dynamic(j, 1e-3, f)):
-        with pytest.raises(Improper, match=rf"relative degree of {degree}; must be >= {least} .*binomial\({least}\)"):
+    for told in (
+        nominal,
+        lambda j, f: pair(j, lq(j, DATA["lq"]["weights"]), f),
+        lambda j, f: dynamic(j, 1e-3, f),
+    ):
+        with pytest.raises(
+            Improper,
+            match=rf"relative degree of {degree}; must be >= {least} .*binomial\({least}\)",
+        ):
             told(joint, LoadFilter.binomial(degree))
 
 
@@ -145,7 +166,9 @@ def test_the_torque_told_is_its_mean_until_the_next_sample():
     u = np.array([0.2, 3.0, -40.0])
     fine = np.linspace(0.0, period, 2001)
     setpoint = u[0] + u[1] * fine + u[2] * fine**2 / 2.0
-    start = np.array(np.linalg.solve(rate * np.eye(4) - system.A, system.B[:, 0]))  # any state will do
+    start = np.array(
+        np.linalg.solve(rate * np.eye(4) - system.A, system.B[:, 0])
+    )  # any state will do
     _, y, _ = lsim((system.A, system.B, system.C, system.D), setpoint, fine, X0=start)
     mean = np.trapezoid(y[:, 4], fine) / period
     assert (ahead.c @ start + ahead.d @ u)[4] == pytest.approx(mean, rel=1e-6)
@@ -155,15 +178,22 @@ def test_a_rigid_joint_is_told_its_inertia_and_friction():
     joint, u = JOINTS["fitted"], np.array([2.0, 30.0, -500.0])
     told = lead("rigid", joint, 1e-3).d @ u
     inertia, friction = 1.5e-4 + 2.8736758e-4, 0.0034839632 + 4.9173636e-4
-    np.testing.assert_allclose(told, [2.0, 30.0, 2.0, 30.0, friction * 30.0 - inertia * 500.0, 2.0], rtol=1e-12)
+    np.testing.assert_allclose(
+        told, [2.0, 30.0, 2.0, 30.0, friction * 30.0 - inertia * 500.0, 2.0], rtol=1e-12
+    )
 
 
 def test_without_feed_forward_only_the_integral_is_told():
-    assert lead("none", LISTED, 1e-3).d @ [2.0, 30.0, -500.0] == pytest.approx([0.0, 0.0, 0.0, 0.0, 0.0, 2.0])
+    assert lead("none", LISTED, 1e-3).d @ [2.0, 30.0, -500.0] == pytest.approx(
+        [0.0, 0.0, 0.0, 0.0, 0.0, 2.0]
+    )
 
 
 def test_an_unknown_feed_forward_is_named_with_the_nearest():
-    with pytest.raises(ServoError, match=r"feed_forward = 'rigit'; did you mean 'rigid'\? must be one of dynamic, none, rigid"):
+    with pytest.raises(
+        ServoError,
+        match=r"feed_forward = 'rigit'; did you mean 'rigid'\? must be one of dynamic, none, rigid",
+    ):
         lead("rigit", LISTED, 1e-3)
 
 
@@ -171,7 +201,9 @@ def test_an_unknown_feed_forward_is_named_with_the_nearest():
 @given(st.integers(0, 12), st.floats(1e-2, 1e4))
 def test_a_binomial_filter_is_one_at_rest_and_falls_by_its_degree_at_its_corner(degree, corner):
     load_filter = LoadFilter.binomial(degree, corner)
-    at = np.polyval(load_filter.numerator, 1j * corner) / np.polyval(load_filter.denominator, 1j * corner)
+    at = np.polyval(load_filter.numerator, 1j * corner) / np.polyval(
+        load_filter.denominator, 1j * corner
+    )
     assert abs(at) == pytest.approx(2.0 ** (-degree / 2), rel=1e-6)
     assert load_filter.relative_degree == degree
 
@@ -193,7 +225,9 @@ def test_filters_the_load_would_not_arrive_by_are_refused(numerator, denominator
         LoadFilter(numerator, denominator)
 
 
-@pytest.mark.parametrize(("degree", "corner"), [(-1, 150.0), (13, 150.0), (3, 0.0), (3, -5.0), (3, math.nan)])
+@pytest.mark.parametrize(
+    ("degree", "corner"), [(-1, 150.0), (13, 150.0), (3, 0.0), (3, -5.0), (3, math.nan)]
+)
 def test_binomials_out_of_bounds_are_refused(degree, corner):
     with pytest.raises(ServoError, match="must be"):
         LoadFilter.binomial(degree, corner)

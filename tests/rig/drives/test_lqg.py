@@ -38,14 +38,26 @@ class Run(NamedTuple):
 
 
 def drive(joint, period_s=1e-3, **keys):
-    return StateSpaceController(joint, lq(joint, DATA["lq"]["weights"]), kalman(joint), period_s, **keys)
+    return StateSpaceController(
+        joint, lq(joint, DATA["lq"]["weights"]), kalman(joint), period_s, **keys
+    )
 
 
 def facts(controller, period_s):
     return position_loop(LISTED, [controller.system], period_s).facts
 
 
-def run(controller, setpoint, time_s, period_s=1e-3, joint=LISTED, load_n_m=0.0, motor_n_m=0.0, fine=5, start=(0, 0, 0, 0)):
+def run(
+    controller,
+    setpoint,
+    time_s,
+    period_s=1e-3,
+    joint=LISTED,
+    load_n_m=0.0,
+    motor_n_m=0.0,
+    fine=5,
+    start=(0, 0, 0, 0),
+):
     """The joint under the controller; fine instants a sample, the torques on motor and load constant."""
     jm, jl = joint.motor_inertia_kg_m2, joint.load_inertia_kg_m2 / joint.gear_ratio**2
     k, d = joint.stiffness_n_m_rad, joint.elastic_damping_n_m_s_rad
@@ -86,10 +98,18 @@ def trapezoid(figures):
 def test_the_source_s_moves_leave_the_reference_s_vibration(figures):
     period = 1e-3
     setpoint, top = trapezoid(figures)
-    found = run(drive(LISTED, period, feed_forward="rigid"), setpoint, figures["time_s"] + 0.6, period, fine=10)
+    found = run(
+        drive(LISTED, period, feed_forward="rigid"),
+        setpoint,
+        figures["time_s"] + 0.6,
+        period,
+        fine=10,
+    )
     after = found.t_s >= figures["time_s"] - 1e-9
     wanted = np.array([setpoint(t)[:2] for t in found.t_s])
-    assert 100 * np.abs(found.x[after, 3]).max() / top == pytest.approx(figures["residual_pct"], rel=0.01)
+    assert 100 * np.abs(found.x[after, 3]).max() / top == pytest.approx(
+        figures["residual_pct"], rel=0.01
+    )
     over_deg = math.degrees((found.x[:, 2].max() - figures["distance_rad"]) / LISTED.gear_ratio)
     assert over_deg == pytest.approx(figures["load_overshoot_deg"], rel=2e-3)
     assert np.abs(found.torque_n_m).max() == pytest.approx(figures["peak_torque_n_m"], rel=2e-3)
@@ -101,7 +121,13 @@ def test_the_source_s_moves_leave_the_reference_s_vibration(figures):
 def test_sampled_fast_the_vibration_is_that_of_the_continuous_loop(figures):
     period = 1e-4
     setpoint, top = trapezoid(figures)
-    found = run(drive(LISTED, period, feed_forward="rigid"), setpoint, figures["time_s"] + 0.1, period, fine=1)
+    found = run(
+        drive(LISTED, period, feed_forward="rigid"),
+        setpoint,
+        figures["time_s"] + 0.1,
+        period,
+        fine=1,
+    )
     residual = 100 * np.abs(found.x[found.t_s >= figures["time_s"] - 1e-9, 3]).max() / top
     assert residual == pytest.approx(figures["exact_residual_pct"], rel=1e-3)
 
@@ -119,13 +145,18 @@ def test_the_sampled_loop_has_the_poles_of_the_design_at_any_sample_time(period_
     np.testing.assert_allclose(np.sort_complex(found), np.sort_complex(apart), rtol=1e-6)
 
 
-@pytest.mark.parametrize(("counts", "period_s"), [(8192, 1e-3), (2**16, 1e-3), (2**20, 1e-3), (2**23, 1.25e-4), (2**12, 5e-3)])
+@pytest.mark.parametrize(
+    ("counts", "period_s"),
+    [(8192, 1e-3), (2**16, 1e-3), (2**20, 1e-3), (2**23, 1.25e-4), (2**12, 5e-3)],
+)
 def test_with_the_sampled_kalman_filter_an_encoder_of_any_resolution_serves(counts, period_s):
     estimator = sampled_kalman(LISTED, Noise(encoder_counts_per_rev=counts), period_s)
     controller = StateSpaceController(LISTED, FEEDBACK, estimator, period_s, feed_forward="rigid")
     apart = np.concatenate([FEEDBACK.poles_1_s(LISTED), estimator.poles_1_s(LISTED)])
     found = np.exp(facts(controller, period_s).poles_1_s * period_s)
-    np.testing.assert_allclose(np.poly(found).real, np.poly(np.exp(apart * period_s)).real, atol=1e-7)
+    np.testing.assert_allclose(
+        np.poly(found).real, np.poly(np.exp(apart * period_s)).real, atol=1e-7
+    )
     figures = DATA["experiments"][0]
     setpoint, top = trapezoid(figures)
     moved = run(controller, setpoint, figures["time_s"] + 0.5, period_s, fine=1)
@@ -137,10 +168,22 @@ def test_with_the_sampled_kalman_filter_an_encoder_of_any_resolution_serves(coun
 @joints
 def test_a_disturbed_joint_decays_with_the_poles_of_the_design(joint):
     period = 1e-3
-    kicked = run(drive(joint, period), lambda t: AT_REST, 0.3, period, joint, fine=1, start=(0.0, 0.0, 1.0, 20.0))
+    kicked = run(
+        drive(joint, period),
+        lambda t: AT_REST,
+        0.3,
+        period,
+        joint,
+        fine=1,
+        start=(0.0, 0.0, 1.0, 20.0),
+    )
     angles = kicked.x[:, 0]
-    poles = np.concatenate([lq(joint, DATA["lq"]["weights"]).poles_1_s(joint), kalman(joint).poles_1_s(joint)])
-    coefficients = np.poly(np.exp(poles * period)).real  # nine modes: any ten samples obey one recursion
+    poles = np.concatenate(
+        [lq(joint, DATA["lq"]["weights"]).poles_1_s(joint), kalman(joint).poles_1_s(joint)]
+    )
+    coefficients = np.poly(
+        np.exp(poles * period)
+    ).real  # nine modes: any ten samples obey one recursion
     left = np.convolve(angles, coefficients, "valid")
     assert np.abs(angles).max() > 0.1
     assert np.abs(left).max() < 1e-9 * np.abs(coefficients).sum()
@@ -149,13 +192,18 @@ def test_a_disturbed_joint_decays_with_the_poles_of_the_design(joint):
 @pytest.mark.parametrize("period_s", [1e-3, 1e-4])
 def test_margins_are_those_of_the_frequency_response(period_s):
     controller = StateSpaceController(LISTED, FEEDBACK, ESTIMATOR, period_s)
-    whole = expm(np.block([[LISTED.state_matrix, LISTED.input_matrix], [np.zeros((2, 6))]]) * period_s)
+    whole = expm(
+        np.block([[LISTED.state_matrix, LISTED.input_matrix], [np.zeros((2, 6))]]) * period_s
+    )
     w = np.geomspace(10.0, 0.999 * math.pi / period_s, 20001)
     drive_now = controller.system
     loop = np.empty(len(w), dtype=complex)
     for i, z in enumerate(np.exp(1j * w * period_s)):
         plant = np.linalg.solve(z * np.eye(4) - whole[:4, :4], whole[:4, 4])[0]
-        back = drive_now.C @ np.linalg.solve(z * np.eye(5) - drive_now.A, drive_now.B[:, 3:]) + drive_now.D[:, 3:]
+        back = (
+            drive_now.C @ np.linalg.solve(z * np.eye(5) - drive_now.A, drive_now.B[:, 3:])
+            + drive_now.D[:, 3:]
+        )
         loop[i] = -plant * back[0, 0]
     margins = facts(controller, period_s).margins
     crossings = np.flatnonzero((np.abs(loop[:-1]) - 1.0) * (np.abs(loop[1:]) - 1.0) < 0.0)
@@ -173,14 +221,20 @@ def test_margins_are_those_of_the_frequency_response(period_s):
 @pytest.mark.parametrize("feed_forward", ["none", "rigid", "dynamic"])
 def test_constant_torques_leave_no_error_of_the_motor(joint, feed_forward):
     controller = drive(joint, feed_forward=feed_forward)
-    found = run(controller, lambda t: Setpoint(3.0), 2.0, joint=joint, motor_n_m=-0.2, load_n_m=0.1, fine=1)
+    found = run(
+        controller, lambda t: Setpoint(3.0), 2.0, joint=joint, motor_n_m=-0.2, load_n_m=0.1, fine=1
+    )
     assert found.x[-1, 0] == pytest.approx(3.0, abs=1e-9)
-    assert found.x[-1, 2] == pytest.approx(3.0 + 0.1 / joint.stiffness_n_m_rad, abs=1e-9)  # the spring still yields
+    assert found.x[-1, 2] == pytest.approx(
+        3.0 + 0.1 / joint.stiffness_n_m_rad, abs=1e-9
+    )  # the spring still yields
     assert found.torque_n_m[-1] == pytest.approx(0.1, abs=1e-9)
 
 
 @joints
-def test_with_dynamic_feed_forward_the_load_follows_the_filter_and_better_with_faster_sampling(joint):
+def test_with_dynamic_feed_forward_the_load_follows_the_filter_and_better_with_faster_sampling(
+    joint,
+):
     figures = DATA["experiments"][0]
     setpoint, _ = trapezoid(figures)
     fine = np.arange(0, 0.7, 1e-5)
@@ -189,7 +243,9 @@ def test_with_dynamic_feed_forward_the_load_follows_the_filter_and_better_with_f
     _, wanted, _ = lsim((load_filter.numerator, load_filter.denominator), angles, fine)
     off = []
     for period in (2e-3, 1e-3, 5e-4):
-        found = run(drive(joint, period, feed_forward="dynamic"), setpoint, 0.69, period, joint, fine=2)
+        found = run(
+            drive(joint, period, feed_forward="dynamic"), setpoint, 0.69, period, joint, fine=2
+        )
         off.append(np.abs(np.interp(found.t_s, fine, wanted) - found.x[:, 2]).max())
     assert off[1] < 1e-6 * figures["distance_rad"]
     assert np.log2(off[0] / off[1]) > 1.8
@@ -206,7 +262,13 @@ def test_the_drive_tends_to_the_continuous_design_in_proportion_to_its_sample_ti
     start = np.append(np.zeros(9), 1.0)
     off = []
     for period in (2e-3, 1e-3, 5e-4, 2.5e-4):
-        found = run(StateSpaceController(joint, FEEDBACK, ESTIMATOR, period), lambda t: Setpoint(1.0), 0.1, period, fine=1)
+        found = run(
+            StateSpaceController(joint, FEEDBACK, ESTIMATOR, period),
+            lambda t: Setpoint(1.0),
+            0.1,
+            period,
+            fine=1,
+        )
         exact = np.array([(expm(whole * t) @ start)[:4] for t in found.t_s])
         off.append(np.abs(found.x[:, 2] - exact[:, 2]).max())
     order = np.log2(np.array(off[:-1]) / off[1:])
@@ -219,9 +281,13 @@ def test_the_drive_tends_to_the_continuous_design_in_proportion_to_its_sample_ti
 def test_a_drive_at_its_limit_comes_back_without_winding_up(feed_forward, limit_n_m):
     setpoint, _ = trapezoid(DATA["experiments"][0])
     distance = DATA["experiments"][0]["distance_rad"]
-    found = run(drive(LISTED, feed_forward=feed_forward, torque_limit_n_m=limit_n_m), setpoint, 1.6, fine=1)
+    found = run(
+        drive(LISTED, feed_forward=feed_forward, torque_limit_n_m=limit_n_m), setpoint, 1.6, fine=1
+    )
     assert np.abs(found.torque_n_m).max() <= limit_n_m
-    assert np.sum(np.abs(found.torque_n_m) == limit_n_m) > (0 if feed_forward == "none" and limit_n_m == 0.9 else 50)
+    assert np.sum(np.abs(found.torque_n_m) == limit_n_m) > (
+        0 if feed_forward == "none" and limit_n_m == 0.9 else 50
+    )
     assert found.x[:, 2].max() < distance * (1 + 5e-4)  # 54 rad too far if the integral went on
     assert found.x[-1] == pytest.approx([distance, 0.0, distance, 0.0], abs=0.02)
 
@@ -236,7 +302,10 @@ def test_the_integral_waits_no_sample_to_leave_the_limit():
 
 def test_a_limit_that_is_not_met_changes_nothing():
     setpoint, _ = trapezoid(DATA["experiments"][2])
-    free, limited = (run(drive(LISTED, feed_forward="rigid", torque_limit_n_m=u), setpoint, 0.3) for u in (math.inf, 0.8))
+    free, limited = (
+        run(drive(LISTED, feed_forward="rigid", torque_limit_n_m=u), setpoint, 0.3)
+        for u in (math.inf, 0.8)
+    )
     np.testing.assert_array_equal(free.x, limited.x)
 
 
@@ -246,7 +315,12 @@ def test_the_observer_knows_of_the_limit():
     pushed = run(controller, lambda t: Setpoint(50.0), 0.2, fine=1)
     assert np.all(pushed.torque_n_m == 0.1)
     held = np.full(2, 0.1)
-    exact = expm(np.block([[LISTED.state_matrix, LISTED.input_matrix[:, :1]], [np.zeros((1, 5))]]) * 0.2)[:4, 4] * held[0]
+    exact = (
+        expm(
+            np.block([[LISTED.state_matrix, LISTED.input_matrix[:, :1]], [np.zeros((1, 5))]]) * 0.2
+        )[:4, 4]
+        * held[0]
+    )
     np.testing.assert_allclose(pushed.x[-1], exact, rtol=1e-9)
     back = run(controller, lambda t: Setpoint(float(exact[0])), 1.5, fine=1, start=pushed.x[-1])
     assert back.x[-1, 2] == pytest.approx(exact[0], abs=1e-3)
@@ -258,7 +332,10 @@ def test_without_a_limit_the_drive_is_linear_and_resets_to_rest(angles, factor):
     controller = drive(LISTED, feed_forward="dynamic")
     one = [controller.step(Setpoint(a, 2 * a, -a), a / 3) for a in angles]
     controller.reset()
-    other = [controller.step(Setpoint(factor * a, 2 * factor * a, -factor * a), factor * a / 3) for a in angles]
+    other = [
+        controller.step(Setpoint(factor * a, 2 * factor * a, -factor * a), factor * a / 3)
+        for a in angles
+    ]
     np.testing.assert_allclose(other, factor * np.array(one), rtol=1e-9, atol=1e-9)
     controller.reset()
     assert controller.step(AT_REST, 0.0) == 0.0
@@ -270,7 +347,9 @@ def test_the_block_of_a_drive_is_what_it_steps(feed_forward):
     system, x = controller.system, np.zeros(controller.system.nstates)
     for k in range(30):
         u = np.array([math.sin(0.1 * k), 0.1 * k, 2.0, 0.02 * k**2])
-        assert controller.step(Setpoint(*u[:3]), u[3]) == pytest.approx(float((system.C @ x + system.D @ u)[0]), rel=1e-9)
+        assert controller.step(Setpoint(*u[:3]), u[3]) == pytest.approx(
+            float((system.C @ x + system.D @ u)[0]), rel=1e-9
+        )
         x = system.A @ x + system.B @ u
 
 
@@ -298,8 +377,16 @@ def test_a_feedback_without_integral_still_steps():
         ({"torque_limit_n_m": 0.0}, ServoError, "torque_limit_n_m = 0"),
         ({"torque_limit_n_m": math.nan}, ServoError, "torque_limit_n_m = nan"),
         ({"feed_forward": "dynamics"}, ServoError, "did you mean 'dynamic'"),
-        ({"feed_forward": "dynamic", "load_filter": LoadFilter.binomial(2)}, Improper, "must be >= 3"),
-        ({"estimator": sampled_kalman(LISTED, Noise(), 2e-3)}, ServoError, "estimator of 0.002 s; must be the same"),
+        (
+            {"feed_forward": "dynamic", "load_filter": LoadFilter.binomial(2)},
+            Improper,
+            "must be >= 3",
+        ),
+        (
+            {"estimator": sampled_kalman(LISTED, Noise(), 2e-3)},
+            ServoError,
+            "estimator of 0.002 s; must be the same",
+        ),
         ({"estimator": Estimator((0.0, 0.0, 0.0, 0.0))}, PolesOutOfReach, "real part <"),
         ({"feedback": Feedback((1.0, 1.0, 0.0, 0.0), 1.0)}, PolesOutOfReach, "real part <"),
     ],

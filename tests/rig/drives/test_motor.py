@@ -22,7 +22,9 @@ MOTOR = Motor(continuous_torque_n_m=8.0, peak_torque_n_m=20.0, max_speed_rad_s=1
 SHAFT = Drivetrain(motor_inertia_kg_m2=1.0, motor_friction_n_m_s_rad=0.3)
 RAMP_S = (3.0 - math.sqrt(5.0)) / 2.0  # of the trapezoid: 15 rad/s2 (3 s - ramp) ramp = 15 rad
 TASKS = {
-    "cycloidal": Trajectory((ExpPolynomial(3.0, (0.0, 5.0), (Mode(2j * math.pi / 3.0, (15j / (2 * math.pi),)),)),)),
+    "cycloidal": Trajectory(
+        (ExpPolynomial(3.0, (0.0, 5.0), (Mode(2j * math.pi / 3.0, (15j / (2 * math.pi),)),)),)
+    ),
     "trapezoidal": Trajectory(
         (
             polynomial(RAMP_S, (0.0, 0.0, 7.5)),
@@ -33,7 +35,9 @@ TASKS = {
 }
 numbers = st.floats(-2, 2)
 motions = st.builds(
-    lambda d, c, s, w, a: Trajectory((ExpPolynomial(d, tuple(c), (Mode(complex(s, w), (complex(a, 0.2), 0.1j)),)),)),
+    lambda d, c, s, w, a: Trajectory(
+        (ExpPolynomial(d, tuple(c), (Mode(complex(s, w), (complex(a, 0.2), 0.1j)),)),)
+    ),
     st.floats(0.2, 2.0),
     st.lists(numbers, min_size=2, max_size=5),
     st.floats(-1, 1),
@@ -52,7 +56,10 @@ def test_the_source_s_tasks_have_the_torque_of_the_closed_form_and_are_feasible(
 
 
 def test_one_of_the_two_printed_rms_torques_is_right_and_the_other_a_quarter_of_a_percent_low():
-    off = {name: check(MOTOR, SHAFT, task).cycle_torque_n_m / DATA[name]["published_rms_n_m"] for name, task in TASKS.items()}
+    off = {
+        name: check(MOTOR, SHAFT, task).cycle_torque_n_m / DATA[name]["published_rms_n_m"]
+        for name, task in TASKS.items()
+    }
     assert off["cycloidal"] == pytest.approx(1.0, abs=1e-6)
     assert off["trapezoidal"] == pytest.approx(1.0025, abs=1e-5)
 
@@ -64,7 +71,10 @@ def test_a_speed_that_is_the_limit_to_rounding_keeps_it_and_one_above_does_not()
 
 
 def test_the_sign_of_a_move_does_not_matter_to_its_verdict():
-    one, other = check(MOTOR, SHAFT, TASKS["trapezoidal"]), check(MOTOR, SHAFT, TASKS["trapezoidal"].scaled(-1.0))
+    one, other = (
+        check(MOTOR, SHAFT, TASKS["trapezoidal"]),
+        check(MOTOR, SHAFT, TASKS["trapezoidal"].scaled(-1.0)),
+    )
     assert one.margins == pytest.approx(other.margins, rel=1e-12)
 
 
@@ -85,10 +95,19 @@ def test_effort_between_any_two_speeds_agrees_with_quadrature_and_sampling(motio
     t = motion.duration_s * (1 + x) / 2
     twist, speed = motion.at(t, 2) + 0.3 * motion.at(t, 1), motion.at(t, 1)
     need = effort(SHAFT, motion)
-    assert need.rms_torque_n_m == pytest.approx(math.sqrt(float(w @ twist**2) / 2.0), rel=1e-9, abs=1e-12)
+    assert need.rms_torque_n_m == pytest.approx(
+        math.sqrt(float(w @ twist**2) / 2.0), rel=1e-9, abs=1e-12
+    )
     assert need.peak_power_w.value >= np.abs(twist * speed).max() * (1 - 1e-9) - 1e-12
     assert need.peak_power_w.value == pytest.approx(
-        abs(float(torque(SHAFT, motion).at(need.peak_power_w.t_s) * motion.at(need.peak_power_w.t_s, 1))), rel=1e-9, abs=1e-9
+        abs(
+            float(
+                torque(SHAFT, motion).at(need.peak_power_w.t_s)
+                * motion.at(need.peak_power_w.t_s, 1)
+            )
+        ),
+        rel=1e-9,
+        abs=1e-9,
     )
 
 
@@ -96,7 +115,10 @@ def test_a_smooth_motion_asks_for_what_the_closed_form_it_copies_does():
     law = LAWS["septic"](0.9)
     twin = Trajectory(tuple(Smooth(p.duration_s, p.at, 4) for p in law.pieces))
     one, other = effort(SHAFT, law), effort(SHAFT, twin)
-    for a, b in ((one.peak_torque_n_m, other.peak_torque_n_m), (one.peak_power_w, other.peak_power_w)):
+    for a, b in (
+        (one.peak_torque_n_m, other.peak_torque_n_m),
+        (one.peak_power_w, other.peak_power_w),
+    ):
         assert a.value == pytest.approx(b.value, rel=1e-10)
     assert one.rms_torque_n_m == pytest.approx(other.rms_torque_n_m, rel=1e-10)
 
@@ -113,18 +135,26 @@ def test_a_gear_divides_the_load_by_its_square_and_multiplies_the_speed():
     )
     t = np.linspace(0.0, 1.0, 21)
     speed, acceleration = law.at(t, 1), law.at(t, 2)
-    expected = ratio * (2e-4 * acceleration + 1e-3 * speed) + (0.3 * acceleration + 0.2 * speed) / ratio
+    expected = (
+        ratio * (2e-4 * acceleration + 1e-3 * speed) + (0.3 * acceleration + 0.2 * speed) / ratio
+    )
     np.testing.assert_allclose(torque(geared, law).at(t), expected, rtol=1e-12, atol=1e-14)
-    assert effort(geared, law).peak_speed_rad_s.value == pytest.approx(ratio * law.peak(1).value, rel=1e-12)
+    assert effort(geared, law).peak_speed_rad_s.value == pytest.approx(
+        ratio * law.peak(1).value, rel=1e-12
+    )
 
 
 def test_a_mass_on_a_drum_costs_its_inertia_and_its_speed_over_the_radius():
     law, radius_m = LAWS["cubic"](2.0).scaled(0.5), 0.04
-    drum = Drivetrain(motor_inertia_kg_m2=1e-5, load_inertia_kg_m2=3.0 * radius_m**2, radius_m=radius_m)
+    drum = Drivetrain(
+        motor_inertia_kg_m2=1e-5, load_inertia_kg_m2=3.0 * radius_m**2, radius_m=radius_m
+    )
     need = effort(drum, law)
     assert need.peak_speed_rad_s.value == pytest.approx(law.peak(1).value / radius_m, rel=1e-12)
     inertia = 1e-5 + 3.0 * radius_m**2
-    assert need.peak_torque_n_m.value == pytest.approx(inertia * law.peak(2).value / radius_m, rel=1e-12)
+    assert need.peak_torque_n_m.value == pytest.approx(
+        inertia * law.peak(2).value / radius_m, rel=1e-12
+    )
 
 
 def test_rest_between_the_moves_cools_the_motor_and_the_least_rest_just_does():
@@ -134,26 +164,37 @@ def test_rest_between_the_moves_cools_the_motor_and_the_least_rest_just_does():
     cool = check(small, SHAFT, TASKS["trapezoidal"], rest_s=hot.least_rest_s)
     assert cool.feasible
     assert cool.cycle_torque_n_m == pytest.approx(5.0, rel=1e-12)
-    held = TASKS["trapezoidal"].then(Trajectory.hold(15.0, hot.least_rest_s))  # rest written as part of the motion
+    held = TASKS["trapezoidal"].then(
+        Trajectory.hold(15.0, hot.least_rest_s)
+    )  # rest written as part of the motion
     assert effort(SHAFT, held).rms_torque_n_m == pytest.approx(5.0, rel=1e-12)
 
 
 def test_a_power_limit_can_be_what_refuses_a_motion():
     assert (
         check(
-            Motor(continuous_torque_n_m=8.0, peak_torque_n_m=20.0, max_speed_rad_s=10.0, peak_power_w=95.0),
+            Motor(
+                continuous_torque_n_m=8.0,
+                peak_torque_n_m=20.0,
+                max_speed_rad_s=10.0,
+                peak_power_w=95.0,
+            ),
             SHAFT,
             TASKS["trapezoidal"],
         ).tightest
         == "power"
     )
     verdict = check(MOTOR, SHAFT, TASKS["trapezoidal"])
-    assert verdict.effort.peak_power_w.value == pytest.approx(16.718847050625474 * 5.729490168751577, rel=1e-12)
+    assert verdict.effort.peak_power_w.value == pytest.approx(
+        16.718847050625474 * 5.729490168751577, rel=1e-12
+    )
     assert verdict.power_margin == 1.0
 
 
 def test_the_outline_is_the_region_a_point_is_judged_by():
-    motor = Motor(continuous_torque_n_m=8.0, peak_torque_n_m=20.0, max_speed_rad_s=10.0, peak_power_w=100.0)
+    motor = Motor(
+        continuous_torque_n_m=8.0, peak_torque_n_m=20.0, max_speed_rad_s=10.0, peak_power_w=100.0
+    )
     speed, edge = motor.outline(motor.peak_torque_n_m, points=11)
     np.testing.assert_allclose(speed, np.arange(11.0))
     np.testing.assert_allclose(edge, [20.0] * 6 + [100 / 6, 100 / 7, 12.5, 100 / 9, 10.0])
@@ -178,13 +219,17 @@ def test_a_step_in_speed_is_refused_and_a_start_at_speed_is_not():
     begun = Trajectory((polynomial(1.0, (0.0, 1.0)), polynomial(1.0, (1.0, 2.0))))
     with pytest.raises(PlanError, match=r"speed steps by 1 at 1 s; must be 0 for a motor"):
         check(MOTOR, SHAFT, begun)
-    assert check(MOTOR, SHAFT, Trajectory(begun.pieces[:1])).effort.rms_torque_n_m == pytest.approx(0.3)
+    assert check(MOTOR, SHAFT, Trajectory(begun.pieces[:1])).effort.rms_torque_n_m == pytest.approx(
+        0.3
+    )
 
 
 def test_motors_and_drivetrains_that_are_none_are_refused():
     with pytest.raises(PlanError, match=r"max_speed_rad_s = 0\.0; must be 1e-12 to"):
         Motor(continuous_torque_n_m=1.0, peak_torque_n_m=2.0, max_speed_rad_s=0.0)
-    with pytest.raises(PlanError, match=r"continuous_torque_n_m = 3\.0; must be <= peak_torque_n_m = 2\.0"):
+    with pytest.raises(
+        PlanError, match=r"continuous_torque_n_m = 3\.0; must be <= peak_torque_n_m = 2\.0"
+    ):
         Motor(continuous_torque_n_m=3.0, peak_torque_n_m=2.0, max_speed_rad_s=1.0)
     with pytest.raises(PlanError, match=r"gear_ratio = 0\.0; must be 1e-12 to"):
         Drivetrain(motor_inertia_kg_m2=1.0, gear_ratio=0.0)
@@ -199,13 +244,19 @@ def test_motors_and_drivetrains_that_are_none_are_refused():
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda: Drivetrain(motor_inertia_kg_m2=1.0, gear_ratio=1e-200), "gear_ratio = 1e-200; must be 1e-12 to"),
+        (
+            lambda: Drivetrain(motor_inertia_kg_m2=1.0, gear_ratio=1e-200),
+            "gear_ratio = 1e-200; must be 1e-12 to",
+        ),
         (
             lambda: Motor(continuous_torque_n_m=1.0, peak_torque_n_m=2.0, max_speed_rad_s=math.inf),
             "max_speed_rad_s = inf; must be 1e-12 to",
         ),
         (lambda: MOTOR.outline(math.nan), "torque_n_m = nan; must be"),
-        (lambda: check(MOTOR, SHAFT, TASKS["cycloidal"].scaled(1e300)), r"position = .*e\+\d+; must be -1e\+09 to"),
+        (
+            lambda: check(MOTOR, SHAFT, TASKS["cycloidal"].scaled(1e300)),
+            r"position = .*e\+\d+; must be -1e\+09 to",
+        ),
     ],
 )
 def test_numbers_beyond_all_machines_are_refused_by_name(call, words):

@@ -14,10 +14,14 @@ from rig.drives.servo.errors import BeyondNyquist, ServoError
 from rig.drives.servo.loops import Mode
 from rig.drives.servo.notch import Notch
 
-FIGURES = tomllib.loads((Path(__file__).parents[2] / "data" / "servo_loops.toml").read_text())["notch"]
+FIGURES = tomllib.loads((Path(__file__).parents[2] / "data" / "servo_loops.toml").read_text())[
+    "notch"
+]
 shares = st.just(0.0) | st.floats(1e-3, 0.99)
 notches = st.builds(
-    lambda w, share, z2: Notch(frequency_rad_s=w, numerator_damping=share * z2, denominator_damping=z2),
+    lambda w, share, z2: Notch(
+        frequency_rad_s=w, numerator_damping=share * z2, denominator_damping=z2
+    ),
     st.floats(1.0, 3000.0),
     shares,
     st.floats(0.05, 3.0),
@@ -25,7 +29,13 @@ notches = st.builds(
 
 
 def magnitude(system, omega_rad_s):
-    return abs(complex(system(1j * omega_rad_s) if not system.dt else system(np.exp(1j * omega_rad_s * system.dt))))
+    return abs(
+        complex(
+            system(1j * omega_rad_s)
+            if not system.dt
+            else system(np.exp(1j * omega_rad_s * system.dt))
+        )
+    )
 
 
 def test_band_and_depth_are_those_of_the_reference():
@@ -42,7 +52,9 @@ def test_band_and_depth_are_those_of_the_reference():
 def test_all_passes_at_zero_and_at_infinity_and_the_depth_at_the_frequency(notch):
     assert magnitude(notch.system, 0.0) == pytest.approx(1.0, rel=1e-12)
     assert magnitude(notch.system, 1e9 * notch.frequency_rad_s) == pytest.approx(1.0, rel=1e-6)
-    assert magnitude(notch.system, notch.frequency_rad_s) == pytest.approx(notch.depth, rel=1e-9, abs=1e-12)
+    assert magnitude(notch.system, notch.frequency_rad_s) == pytest.approx(
+        notch.depth, rel=1e-9, abs=1e-12
+    )
 
 
 @given(notches)
@@ -55,7 +67,9 @@ def test_half_of_the_power_passes_at_both_edges_of_the_band(notch):
     assert high - low == pytest.approx(notch.band_rad_s, rel=1e-9)
     assert low * high == pytest.approx(notch.frequency_rad_s**2, rel=1e-6)
     assert magnitude(notch.system, high) == pytest.approx(math.sqrt(0.5), rel=1e-9)
-    assert magnitude(notch.system, notch.frequency_rad_s**2 / high) == pytest.approx(math.sqrt(0.5), rel=1e-9)
+    assert magnitude(notch.system, notch.frequency_rad_s**2 / high) == pytest.approx(
+        math.sqrt(0.5), rel=1e-9
+    )
 
 
 @given(st.floats(1.0, 3000.0), st.floats(0.01, 3.0), st.floats(0.0, 0.7))
@@ -69,7 +83,9 @@ def test_a_notch_designed_by_its_band_has_it(frequency, band_share, depth):
 def test_prewarped_sampling_is_exact_at_the_frequency(notch, share):
     period_s = share * math.pi / notch.frequency_rad_s
     sampled = notch.sampled(period_s)
-    assert magnitude(sampled, notch.frequency_rad_s) == pytest.approx(notch.depth, rel=1e-6, abs=1e-8)
+    assert magnitude(sampled, notch.frequency_rad_s) == pytest.approx(
+        notch.depth, rel=1e-6, abs=1e-8
+    )
     assert magnitude(sampled, 0.0) == pytest.approx(1.0, rel=1e-9)
 
 
@@ -93,11 +109,26 @@ def test_tuned_to_a_pair_of_poles_its_zeros_are_that_pair():
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (lambda: Notch(frequency_rad_s=0.0, numerator_damping=0.1), "frequency_rad_s = 0.0; must be"),
-        (lambda: Notch(frequency_rad_s=math.nan, numerator_damping=0.1), "frequency_rad_s = nan; must be"),
-        (lambda: Notch(frequency_rad_s=9.0, numerator_damping=1.0), "must be 0 or more and < denominator_damping = 1.0"),
-        (lambda: Notch(frequency_rad_s=9.0, numerator_damping=-0.1), "numerator_damping = -0.1; must be 0 or more"),
-        (lambda: Notch(frequency_rad_s=9.0, numerator_damping=0.1, denominator_damping=1e3), "denominator_damping = 1000.0"),
+        (
+            lambda: Notch(frequency_rad_s=0.0, numerator_damping=0.1),
+            "frequency_rad_s = 0.0; must be",
+        ),
+        (
+            lambda: Notch(frequency_rad_s=math.nan, numerator_damping=0.1),
+            "frequency_rad_s = nan; must be",
+        ),
+        (
+            lambda: Notch(frequency_rad_s=9.0, numerator_damping=1.0),
+            "must be 0 or more and < denominator_damping = 1.0",
+        ),
+        (
+            lambda: Notch(frequency_rad_s=9.0, numerator_damping=-0.1),
+            "numerator_damping = -0.1; must be 0 or more",
+        ),
+        (
+            lambda: Notch(frequency_rad_s=9.0, numerator_damping=0.1, denominator_damping=1e3),
+            "denominator_damping = 1000.0",
+        ),
         (lambda: Notch.tuned_to(Mode(100.0, -0.1)), "numerator_damping = -0.1"),
         (lambda: Notch.of_band(9.0, 1.0, 0.71), "depth = 0.71; must be 0 or more and < 0.707107"),
         (lambda: Notch.of_band(9.0, 0.0), "band_rad_s = 0.0"),
@@ -109,7 +140,11 @@ def test_what_is_no_notch_is_refused(make, said):
         make()
 
 
-@pytest.mark.parametrize("ask", [Notch.sampled, Notch.digital_frequency_rad_s, lambda n, t: n.sampled(t, prewarp=False)])
+@pytest.mark.parametrize(
+    "ask", [Notch.sampled, Notch.digital_frequency_rad_s, lambda n, t: n.sampled(t, prewarp=False)]
+)
 def test_a_notch_beyond_half_the_sampling_is_refused(ask):
-    with pytest.raises(BeyondNyquist, match=r"frequency_rad_s = 4000 rad/s .* must be < 3141.59 rad/s"):
+    with pytest.raises(
+        BeyondNyquist, match=r"frequency_rad_s = 4000 rad/s .* must be < 3141.59 rad/s"
+    ):
         ask(Notch(frequency_rad_s=4000.0, numerator_damping=0.1), 1e-3)

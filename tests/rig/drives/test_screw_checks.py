@@ -53,9 +53,14 @@ def test_the_chosen_unit_is_too_slow_and_too_coarse_and_the_rest_holds():
     assert checks["speed of the unit"].margin == pytest.approx(1 - 1.3568521, rel=1e-6)
     reason = checks["speed of the unit"].reason
     assert "must be <= 1 m/s" in reason
-    assert "move 1 reaches 1.357 m/s in 0.33 s and needs 0.4478 s; move 2 reaches 1.299 m/s" in reason
+    assert (
+        "move 1 reaches 1.357 m/s in 0.33 s and needs 0.4478 s; move 2 reaches 1.299 m/s" in reason
+    )
     assert "move 3" not in reason
-    assert "lead class 52 µm per 300 mm; must be <= 23 µm per 300 mm: ISO 7 is coarser" in checks["lead class"].reason
+    assert (
+        "lead class 52 µm per 300 mm; must be <= 23 µm per 300 mm: ISO 7 is coarser"
+        in checks["lead class"].reason
+    )
     assert checks["whirling"].margin == pytest.approx(4.47e-4, rel=1e-3)
     assert checks["static load"].value == pytest.approx(1.2 * 157.8778, rel=1e-6)
     assert allowed_speed(AXIS, found) == (1.0, "speed of the unit")
@@ -77,7 +82,13 @@ def test_what_the_catalogue_does_not_tell_is_not_decided_and_what_nobody_asks_is
     assert [check.name for check in found.undecided] == ["dynamic load", "life", "lead class"]
     assert "ask the maker for ISO 5 or a finer one" in found.undecided[2].reason
     asked = {check.name: check.state for check in found.checks}
-    assert asked["sag"] == asked["motor power"] == asked["static load"] == asked["speed of the unit"] == NOT_ASKED
+    assert (
+        asked["sag"]
+        == asked["motor power"]
+        == asked["static load"]
+        == asked["speed of the unit"]
+        == NOT_ASKED
+    )
     unasked = assess(replace(AXIS, wishes=Wishes()), bare)
     assert not unasked.undecided
 
@@ -101,15 +112,24 @@ def test_the_dynamic_load_and_the_life_fail_together():
     hours = by_name(assess(AXIS, UNIT))["life"].value
     for factor, kept in ((1 - 1e-9, True), (1 + 1e-6, False)):
         checks = by_name(assess(replace(AXIS, wishes=Wishes(life_h=hours * factor)), UNIT))
-        assert (checks["life"].state == "kept", checks["dynamic load"].state == "kept") == (kept, kept)
+        assert (checks["life"].state == "kept", checks["dynamic load"].state == "kept") == (
+            kept,
+            kept,
+        )
 
 
 def test_the_deviation_over_the_travel_is_the_table_s_and_beyond_it_not_decided():
-    short = replace(AXIS, cycle=to_and_fro(stroke_m=0.35, time_s=1.0), wishes=Wishes(travel_deviation_m=20e-6))
+    short = replace(
+        AXIS, cycle=to_and_fro(stroke_m=0.35, time_s=1.0), wishes=Wishes(travel_deviation_m=20e-6)
+    )
     fine = replace(UNIT, lead_class="ISO 3")
     assert by_name(assess(short, fine))["lead over the travel"].value == pytest.approx(13.0)
-    assert by_name(assess(short, replace(UNIT, lead_class="ISO 5")))["lead over the travel"].margin == pytest.approx(-0.25)
-    far = by_name(assess(replace(AXIS, wishes=Wishes(travel_deviation_m=20e-6)), fine))["lead over the travel"]
+    assert by_name(assess(short, replace(UNIT, lead_class="ISO 5")))[
+        "lead over the travel"
+    ].margin == pytest.approx(-0.25)
+    far = by_name(assess(replace(AXIS, wishes=Wishes(travel_deviation_m=20e-6)), fine))[
+        "lead over the travel"
+    ]
     assert far.state == UNDECIDED
     assert "no deviation of ISO 3 over 0.6 m" in far.reason
 
@@ -124,7 +144,9 @@ def test_a_class_that_nobody_asks_for_is_told_where_the_table_has_none():
     unasked = replace(AXIS, wishes=Wishes())
     found = by_name(assess(unasked, UNIT))["lead class"]
     assert (found.state, found.value, found.bound) == (NOT_ASKED, pytest.approx(52.0), None)
-    assert found.note == "ISO 7 is outside the classes that source 004 tabulates, ISO 1, ISO 3, ISO 5"
+    assert (
+        found.note == "ISO 7 is outside the classes that source 004 tabulates, ISO 1, ISO 3, ISO 5"
+    )
     assert by_name(assess(unasked, replace(UNIT, lead_class="ISO 3")))["lead class"].note == ""
 
 
@@ -133,7 +155,9 @@ def test_the_dynamic_load_to_ask_for_is_one_that_lasts():
     reason = by_name(assess(AXIS, bare))["life"].reason
     load = float(re.search(r"ask the maker for ([0-9.]+) N or more", reason)[1])
     assert by_name(assess(AXIS, replace(bare, dynamic_load_n=load)))["life"].state == "kept"
-    assert by_name(assess(AXIS, replace(bare, dynamic_load_n=0.999 * load)))["life"].state == "broken"
+    assert (
+        by_name(assess(AXIS, replace(bare, dynamic_load_n=0.999 * load)))["life"].state == "broken"
+    )
 
 
 @pytest.mark.parametrize(
@@ -147,7 +171,9 @@ def test_the_dynamic_load_to_ask_for_is_one_that_lasts():
         ((math.inf, 1.402271e7), "h", (["inf", "1.402e+07"], "h")),
     ],
 )
-def test_numbers_have_four_digits_unless_those_hide_a_difference_and_the_units_of_the_field(values, unit, told):
+def test_numbers_have_four_digits_unless_those_hide_a_difference_and_the_units_of_the_field(
+    values, unit, told
+):
     assert digits.shown(values, unit) == told
 
 
@@ -174,7 +200,9 @@ def test_what_fits_ranks_before_what_does_not_and_a_better_margin_before_a_worse
 
 
 def test_a_motor_is_judged_like_any_other_limit():
-    small = Motor(continuous_torque_n_m=0.5, peak_torque_n_m=1.0, max_speed_rad_s=400.0, peak_power_w=460.0)
+    small = Motor(
+        continuous_torque_n_m=0.5, peak_torque_n_m=1.0, max_speed_rad_s=400.0, peak_power_w=460.0
+    )
     found = assess(replace(AXIS, motor=small), replace(UNIT, speed_m_s=2.0, lead_class="ISO 5"))
     assert [check.name for check in found.broken] == [
         "motor torque, peak", "motor torque, rms", "motor speed", "motor power",
@@ -190,7 +218,8 @@ def test_classes_are_ordered_and_the_table_covers_half_a_metre():
         assert travel_deviation_m(name, 0.5001) is None
     assert travel_deviation_m("ISO 7", 0.1) is None
     with pytest.raises(
-        PlanError, match="lead_class = 'ISO 8'; must be one of ISO 1, ISO 3, ISO 5, ISO 7, ISO 10, from fine to coarse"
+        PlanError,
+        match="lead_class = 'ISO 8'; must be one of ISO 1, ISO 3, ISO 5, ISO 7, ISO 10, from fine to coarse",
     ):
         lead_class("ISO 8")
 
@@ -198,7 +227,12 @@ def test_classes_are_ordered_and_the_table_covers_half_a_metre():
 # the region
 
 WISHES = Wishes(
-    life_h=3e8, sag_m=5e-5, position_error_m=1e-5, angle_error_rad=1.5e-3, stiffness_n_m=4e7, bandwidth_rad_s=1000.0
+    life_h=3e8,
+    sag_m=5e-5,
+    position_error_m=1e-5,
+    angle_error_rad=1.5e-3,
+    stiffness_n_m=4e7,
+    bandwidth_rad_s=1000.0,
 )
 
 
@@ -219,11 +253,17 @@ def test_a_screw_on_a_line_has_nothing_to_spare_of_its_limit(line, check):
     axis = replace(AXIS, wishes=WISHES, bearing_n_m=2e8, nut_n_m=2.5e8, carried_kg=2.0)
     spread = np.array([0.018, 0.022, 0.03])
     found = next(row for row in region(axis, spread, UNIT).lines if row.name == line)
-    points = zip(spread, found.lead_m, strict=True) if found.diameter_m is None else [(found.diameter_m, 0.02)]
+    points = (
+        zip(spread, found.lead_m, strict=True)
+        if found.diameter_m is None
+        else [(found.diameter_m, 0.02)]
+    )
     tried = 0
     for d, p in points:
         if 0.0 < p < 1.0:
-            margin = by_name(assess(axis, replace(UNIT, diameter_m=float(d), lead_m=float(p))))[check].margin
+            margin = by_name(assess(axis, replace(UNIT, diameter_m=float(d), lead_m=float(p))))[
+                check
+            ].margin
             assert margin == pytest.approx(0.0, abs=1e-9)
             tried += 1
     assert tried
@@ -235,8 +275,19 @@ def test_a_screw_within_the_region_keeps_every_limit_that_has_a_line(d, p):
     axis = replace(AXIS, wishes=replace(WISHES, life_h=3e7))
     here = region(axis, np.array([d]), UNIT)
     inside = bool(here.low_m[0] <= p <= here.high_m[0])
-    checks = by_name(assess(axis, replace(UNIT, diameter_m=d, lead_m=p, speed_m_s=None, lead_class="ISO 5")))
-    lined = ("whirling", "ball speed d n", "buckling", "life", "sag", "lead for accuracy", "stiffness", "bandwidth")
+    checks = by_name(
+        assess(axis, replace(UNIT, diameter_m=d, lead_m=p, speed_m_s=None, lead_class="ISO 5"))
+    )
+    lined = (
+        "whirling",
+        "ball speed d n",
+        "buckling",
+        "life",
+        "sag",
+        "lead for accuracy",
+        "stiffness",
+        "bandwidth",
+    )
     worst = min(checks[name].margin for name in lined)
     if abs(worst) > 1e-9:
         assert inside == (worst > 0.0)
@@ -250,14 +301,25 @@ def test_a_screw_within_the_region_keeps_every_limit_that_has_a_line(d, p):
     [
         (lambda: Mounting(length_m=-0.8), r"length_m = -0\.8; must be 0\.0001 to 100: measure"),
         (lambda: Mounting(length_m=math.nan), "length_m = nan"),
-        (lambda: Mounting(length_m=1.0, youngs_modulus_pa=200.0), r"youngs_modulus_pa = 200\.0; must be 1e\+08 to"),
-        (lambda: Mounting(length_m=1.0, free_length_m=0.0), "free_length_m = 0.0; must be"),
-        (lambda: Mounting(length_m=1.0, free_length_m=1.1), r"free_length_m = 1\.1; must be 0\.0001 to 1: give the part"),
         (
-            lambda: Mounting(length_m=1.0, support=SUPPORTS["fixed-supported"]._replace(whirl=-1.0)),
+            lambda: Mounting(length_m=1.0, youngs_modulus_pa=200.0),
+            r"youngs_modulus_pa = 200\.0; must be 1e\+08 to",
+        ),
+        (lambda: Mounting(length_m=1.0, free_length_m=0.0), "free_length_m = 0.0; must be"),
+        (
+            lambda: Mounting(length_m=1.0, free_length_m=1.1),
+            r"free_length_m = 1\.1; must be 0\.0001 to 1: give the part",
+        ),
+        (
+            lambda: Mounting(
+                length_m=1.0, support=SUPPORTS["fixed-supported"]._replace(whirl=-1.0)
+            ),
             r"support whirl = -1\.0; must be",
         ),
-        (lambda: replace(SCREW, diameter_m=20.0), r"diameter_m = 20\.0; must be 0\.0001 to 10: read it"),
+        (
+            lambda: replace(SCREW, diameter_m=20.0),
+            r"diameter_m = 20\.0; must be 0\.0001 to 10: read it",
+        ),
         (lambda: replace(SCREW, lead_m=-0.02), r"lead_m = -0\.02; must be"),
         (lambda: Move(stroke_m=0.0, time_s=1.0), "stroke_m = 0; must not be 0: leave the move out"),
         (lambda: Move(stroke_m=1.0, time_s=0.0), r"time_s = 0\.0; must be"),
@@ -267,42 +329,78 @@ def test_a_screw_within_the_region_keeps_every_limit_that_has_a_line(d, p):
             r"lambda_acc \+ lambda_dec = 1\.1; must be <= 1",
         ),
         (lambda: Move(stroke_m=1.0, time_s=1.0, lambda_acc=0.0), r"lambda_acc = 0\.0; must be"),
-        (lambda: Move(stroke_m=1.0, time_s=1.0, law="cubik"), "law = 'cubik'; did you mean 'cubic'"),
-        (lambda: Move(stroke_m=1.0, time_s=1.0, law="cubic", lambda_acc=0.3), "lambda_acc with law = 'cubic'; must be"),
-        (lambda: Move(stroke_m=1.0, time_s=1.0, durations_s=(0.5, 0.5)), r"durations_s = \[0\.5, 0\.5\]; must be three"),
+        (
+            lambda: Move(stroke_m=1.0, time_s=1.0, law="cubik"),
+            "law = 'cubik'; did you mean 'cubic'",
+        ),
+        (
+            lambda: Move(stroke_m=1.0, time_s=1.0, law="cubic", lambda_acc=0.3),
+            "lambda_acc with law = 'cubic'; must be",
+        ),
+        (
+            lambda: Move(stroke_m=1.0, time_s=1.0, durations_s=(0.5, 0.5)),
+            r"durations_s = \[0\.5, 0\.5\]; must be three",
+        ),
         (
             lambda: replace(MOVES[2], durations_s=(0.2, 0.6, 0.2)),
             r"cover 0\.6194 m at 0\.7742 m/s; must be 1 s and 0\.6 m: shares of 0\.2 and 0\.25 make 0\.2, 0\.55, 0\.25",
         ),
-        (lambda: replace(MOVES[2], durations_s=(0.4, 0.45, 0.25)), r"last 1\.1 s and cover 0\.6 m at .*must be 1 s"),
-        (lambda: replace(MOVES[0], durations_s=(0.1, 0.1, 0.1)), r"last 0\.3 s and cover .*must be 0\.33 s"),
+        (
+            lambda: replace(MOVES[2], durations_s=(0.4, 0.45, 0.25)),
+            r"last 1\.1 s and cover 0\.6 m at .*must be 1 s",
+        ),
+        (
+            lambda: replace(MOVES[0], durations_s=(0.1, 0.1, 0.1)),
+            r"last 0\.3 s and cover .*must be 0\.33 s",
+        ),
         (lambda: Cycle(()), "a cycle of 0 moves; must be >= 2"),
-        (lambda: Cycle(MOVES[:2]), r"strokes 0\.3, 0\.3 m sum to 0\.6 m; must be 0, .* add a move of -0\.6 m"),
+        (
+            lambda: Cycle(MOVES[:2]),
+            r"strokes 0\.3, 0\.3 m sum to 0\.6 m; must be 0, .* add a move of -0\.6 m",
+        ),
         (lambda: AxisLoad(mass_kg=-1.0), r"mass_kg = -1\.0; must be"),
         (lambda: AxisLoad(mass_kg=1.0, slope_rad=2.0), r"slope_rad = 2\.0; must be"),
-        (lambda: AxisLoad(mass_kg=1.0, friction_coefficient=-0.1), r"friction_coefficient = -0\.1; must be 0 to"),
+        (
+            lambda: AxisLoad(mass_kg=1.0, friction_coefficient=-0.1),
+            r"friction_coefficient = -0\.1; must be 0 to",
+        ),
         (lambda: Transmission(efficiency=1.1), r"efficiency = 1\.1; must be 0\.001 to 1"),
         (lambda: Transmission(motor_inertia_kg_m2=-1.0), r"motor_inertia_kg_m2 = -1\.0; must be"),
         (lambda: Shares(whirl=1.5), r"whirl = 1\.5; must be 0\.01 to 1"),
         (lambda: Shares(service_factor=0.5), r"service_factor = 0\.5; must be 1 to 10"),
         (lambda: Wishes(lead_class="ISO 6"), "lead_class = 'ISO 6'; must be one of ISO 1"),
         (lambda: Wishes(life_h=-1.0), r"life_h = -1\.0; must be"),
-        (lambda: Wishes(position_error_m=1e-5), "position_error_m = 1e-05 with angle_error_rad = None; must be both"),
+        (
+            lambda: Wishes(position_error_m=1e-5),
+            "position_error_m = 1e-05 with angle_error_rad = None; must be both",
+        ),
         (lambda: replace(UNIT, dynamic_load_n=0.0), r"dynamic_load_n = 0\.0; must be"),
         (lambda: replace(UNIT, lead_class="7"), "lead_class = '7'; .*must be one of ISO 1"),
-        (lambda: replace(AXIS, mounting=Mounting(length_m=0.5)), r"travel = 0\.6 m on a screw of length_m = 0\.5; must be"),
+        (
+            lambda: replace(AXIS, mounting=Mounting(length_m=0.5)),
+            r"travel = 0\.6 m on a screw of length_m = 0\.5; must be",
+        ),
         (lambda: replace(AXIS, bearing_n_m=-1.0), r"bearing_n_m = -1\.0; must be"),
-        (lambda: replace(AXIS, mounting=Mounting(length_m=0.6)), r"travel = 0\.6 m on a screw of length_m = 0\.6; must be"),
+        (
+            lambda: replace(AXIS, mounting=Mounting(length_m=0.6)),
+            r"travel = 0\.6 m on a screw of length_m = 0\.6; must be",
+        ),
         (lambda: replace(AXIS, carried_kg=-1.0), r"carried_kg = -1\.0; must be"),
         (lambda: Balls(material="cermic"), "material = 'cermic'; did you mean 'ceramic'"),
         (lambda: Balls(limit_m_rpm=0.0), r"limit_m_rpm = 0\.0; must be"),
         (lambda: Transmission(hold="break"), "hold = 'break'; did you mean 'brake'"),
         (lambda: Shares(preload=0.6), r"preload = 0\.6; must be 0 to 0\.5"),
-        (lambda: Wishes(sag_m=0.0), r"sag_m = 0\.0; must be .*: leave it out where nothing is asked"),
+        (
+            lambda: Wishes(sag_m=0.0),
+            r"sag_m = 0\.0; must be .*: leave it out where nothing is asked",
+        ),
         (lambda: replace(UNIT, name=" "), "name = ' '; must not be empty"),
         (lambda: replace(UNIT, preload_n=-1.0), r"preload_n = -1\.0; must be"),
         (lambda: replace(UNIT, limit_m_rpm=0.0), r"limit_m_rpm = 0\.0; must be"),
-        (lambda: replace(UNIT, core_diameter_m=0.021), r"core_diameter_m = 0\.021; must be 0\.0001 to 0\.02"),
+        (
+            lambda: replace(UNIT, core_diameter_m=0.021),
+            r"core_diameter_m = 0\.021; must be 0\.0001 to 0\.02",
+        ),
         (lambda: replace(UNIT, ball_circle_m=0.0), r"ball_circle_m = 0\.0; must be"),
     ],
 )

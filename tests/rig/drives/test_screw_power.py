@@ -26,7 +26,12 @@ STEPS = 20_000
 
 
 def there_and_back(law):
-    return Cycle((Move(stroke_m=0.5, time_s=1.0, law=law, rest_s=0.3), Move(stroke_m=-0.5, time_s=0.8, law=law, rest_s=0.2)))
+    return Cycle(
+        (
+            Move(stroke_m=0.5, time_s=1.0, law=law, rest_s=0.3),
+            Move(stroke_m=-0.5, time_s=0.8, law=law, rest_s=0.2),
+        )
+    )
 
 
 def load_at(slope_deg):
@@ -43,11 +48,20 @@ def sampled(cycle, load):
         for piece in move.trajectory.pieces:
             t = (np.arange(STEPS) + 0.5) * piece.duration_s / STEPS
             v, a = piece.at(t, 1), piece.at(t, 2)
-            force = 80 * 9.81 * (math.sin(load.slope_rad) + 0.05 * math.cos(load.slope_rad) * s) + 80 * a
-            torque = np.where(force * s > 0, force / eta, force * eta) * tau + inertia * a / tau + drag * s
+            force = (
+                80 * 9.81 * (math.sin(load.slope_rad) + 0.05 * math.cos(load.slope_rad) * s)
+                + 80 * a
+            )
+            torque = (
+                np.where(force * s > 0, force / eta, force * eta) * tau
+                + inertia * a / tau
+                + drag * s
+            )
             parts.append((np.full(STEPS, piece.duration_s / STEPS), v, force, torque))
         held = 80 * 9.81 * math.sin(load.slope_rad)
-        parts.append((np.array([move.rest_s]), np.zeros(1), np.array([held]), np.array([held * tau / eta])))
+        parts.append(
+            (np.array([move.rest_s]), np.zeros(1), np.array([held]), np.array([held * tau / eta]))
+        )
     return tuple(np.concatenate(column) for column in zip(*parts, strict=True))
 
 
@@ -66,8 +80,12 @@ def test_torque_and_powers_with_losses_are_those_of_a_dense_sampling(law, slope_
     assert need.braking_power_w >= -power.min() - 1e-7 * scale
     assert need.peak_power_w == max(need.driving_power_w, need.braking_power_w)
     assert need.rms_torque_n_m == pytest.approx(math.sqrt(w @ torque**2 / w.sum()), rel=1e-5)
-    assert need.mean_driving_power_w == pytest.approx(w @ np.maximum(power, 0.0) / w.sum(), rel=1e-3)
-    assert need.mean_braking_power_w == pytest.approx(w @ np.maximum(-power, 0.0) / w.sum(), rel=1e-3, abs=1e-9)
+    assert need.mean_driving_power_w == pytest.approx(
+        w @ np.maximum(power, 0.0) / w.sum(), rel=1e-3
+    )
+    assert need.mean_braking_power_w == pytest.approx(
+        w @ np.maximum(-power, 0.0) / w.sum(), rel=1e-3, abs=1e-9
+    )
     way = w * np.abs(v)
     worn = (way @ np.abs(force) ** 3 / way.sum()) ** (1 / 3)
     assert demand(cycle, load).equivalent_force_n == pytest.approx(worn, rel=1e-6)
@@ -96,28 +114,41 @@ def test_lowering_a_load_slowly_is_braking():
     light = BallScrew(diameter_m=1e-3, lead_m=0.01, mounting=Mounting(length_m=2.0))
     need = shaft_demand(Cycle((up, down)), load, free, light)
     speeds = 1.0 / 9.9, 1.0 / 4.95
-    driving, braking = (100 * (9.81 + speed / t) * speed for speed, t in zip(speeds, (0.1, 0.05), strict=True))
+    driving, braking = (
+        100 * (9.81 + speed / t) * speed for speed, t in zip(speeds, (0.1, 0.05), strict=True)
+    )
     assert need.driving_power_w == pytest.approx(driving, rel=1e-4)
     assert need.braking_power_w == pytest.approx(braking, rel=1e-4)
     assert need.peak_power_w == need.braking_power_w
-    kinetic = 100 * speeds[0] ** 2 / 2 - 100 * speeds[1] ** 2 / 2  # given and taken back, of either move
+    kinetic = (
+        100 * speeds[0] ** 2 / 2 - 100 * speeds[1] ** 2 / 2
+    )  # given and taken back, of either move
     assert need.mean_driving_power_w == pytest.approx(100 * 9.81 / 15, rel=1e-3)
-    assert need.mean_driving_power_w - need.mean_braking_power_w == pytest.approx(0.0, abs=1e-6 * abs(kinetic) + 1e-9)
+    assert need.mean_driving_power_w - need.mean_braking_power_w == pytest.approx(
+        0.0, abs=1e-6 * abs(kinetic) + 1e-9
+    )
 
 
 def test_without_losses_what_is_driven_comes_back():
-    need = shaft_demand(there_and_back("quintic"), AxisLoad(mass_kg=10.0), Transmission(efficiency=1.0), SCREW)
+    need = shaft_demand(
+        there_and_back("quintic"), AxisLoad(mass_kg=10.0), Transmission(efficiency=1.0), SCREW
+    )
     assert need.mean_braking_power_w == pytest.approx(need.mean_driving_power_w, rel=1e-3)
 
 
 def test_a_brake_spares_the_motor_in_the_rests_and_nowhere_else():
     cycle, load = there_and_back("trapezoidal"), load_at(90.0)
-    held, braked = (table(cycle, load, replace(LOSSY, hold=hold), SCREW) for hold in ("motor", "brake"))
+    held, braked = (
+        table(cycle, load, replace(LOSSY, hold=hold), SCREW) for hold in ("motor", "brake")
+    )
     for row, other in zip(held, braked, strict=True):
         assert other == (row if row.phase else row._replace(torque_n_m=0.0, peak_torque_n_m=0.0))
     rest = next(row for row in held if not row.phase)
     assert rest.torque_n_m == pytest.approx(80 * 9.81 * 0.01 / (2 * math.pi) / 0.8, rel=1e-12)
-    heats = [shaft_demand(cycle, load, replace(LOSSY, hold=hold), SCREW).rms_torque_n_m ** 2 for hold in ("motor", "brake")]
+    heats = [
+        shaft_demand(cycle, load, replace(LOSSY, hold=hold), SCREW).rms_torque_n_m ** 2
+        for hold in ("motor", "brake")
+    ]
     assert heats[0] - heats[1] == pytest.approx(rest.torque_n_m**2 * 0.5 / 2.3, rel=1e-9)
 
 
@@ -128,7 +159,9 @@ def test_a_thousand_equal_moves_ask_what_two_do_and_are_computed_once():
     assert many.instants.weight_s.sum() == pytest.approx(many.duration_s)
     load = load_at(5.0)
     assert demand(many, load) == pytest.approx(demand(few, load), rel=1e-12)
-    assert shaft_demand(many, load, LOSSY, SCREW) == pytest.approx(shaft_demand(few, load, LOSSY, SCREW), rel=1e-12)
+    assert shaft_demand(many, load, LOSSY, SCREW) == pytest.approx(
+        shaft_demand(few, load, LOSSY, SCREW), rel=1e-12
+    )
     rows = table(many, load, LOSSY, SCREW)
     assert len(rows) == 500 * len(table(few, load, LOSSY, SCREW))
     assert rows[-1] == rows[3]._replace(move=1000)
@@ -141,17 +174,29 @@ def test_a_move_counts_as_often_as_it_occurs():
     need = demand(Cycle((short, short, back)), AxisLoad(mass_kg=10.0, friction_coefficient=0.1))
     assert need.mean_speed_m_s == pytest.approx(1.0 / 5.0)
     assert need.rms_friction_n == pytest.approx(9.81 * math.sqrt(3 / 5))
-    forces = [(9.81 + 10 * s * 4.5 * h, h * share) for h in (0.25, 0.25, 0.5) for s, share in ((1, 0.25), (0, 0.5), (-1, 0.25))]
-    assert need.equivalent_force_n == pytest.approx(sum(abs(f) ** 3 * way for f, way in forces) ** (1 / 3), rel=1e-9)
+    forces = [
+        (9.81 + 10 * s * 4.5 * h, h * share)
+        for h in (0.25, 0.25, 0.5)
+        for s, share in ((1, 0.25), (0, 0.5), (-1, 0.25))
+    ]
+    assert need.equivalent_force_n == pytest.approx(
+        sum(abs(f) ** 3 * way for f, way in forces) ** (1 / 3), rel=1e-9
+    )
 
 
 @settings(max_examples=40)
-@given(st.floats(-90.0, 90.0), st.floats(0.3, 1.0), st.sampled_from(("quintic", "cycloidal", "trapezoidal")))
+@given(
+    st.floats(-90.0, 90.0),
+    st.floats(0.3, 1.0),
+    st.sampled_from(("quintic", "cycloidal", "trapezoidal")),
+)
 def test_no_loss_makes_power(slope_deg, efficiency, law):
     """What comes back is less than what was driven, and no more than a screw without losses gives back."""
     cycle, load = there_and_back(law), load_at(slope_deg)
     gear = Transmission(efficiency=efficiency, drag_torque_n_m=0.1)
-    lossy, free = (shaft_demand(cycle, load, g, SCREW) for g in (gear, Transmission(efficiency=1.0)))
+    lossy, free = (
+        shaft_demand(cycle, load, g, SCREW) for g in (gear, Transmission(efficiency=1.0))
+    )
     assert lossy.mean_braking_power_w < lossy.mean_driving_power_w
     assert lossy.mean_braking_power_w <= free.mean_braking_power_w * (1 + 1e-3)
     assert lossy.mean_driving_power_w >= free.mean_driving_power_w * (1 - 1e-3)

@@ -32,7 +32,9 @@ def test_a_preloaded_nut_is_two_balls_that_share_a_force(preload):
 
         def difference(loaded, force=force):
             unloaded = max(loaded - force, 0.0)
-            return (loaded ** (2 / 3) - preload ** (2 / 3)) - (preload ** (2 / 3) - unloaded ** (2 / 3))
+            return (loaded ** (2 / 3) - preload ** (2 / 3)) - (
+                preload ** (2 / 3) - unloaded ** (2 / 3)
+            )
 
         exact = brentq(difference, preload, 3 * preload + force)
         assert ball_load_n(np.array([force]), preload)[0] == pytest.approx(exact, rel=0.03)
@@ -40,7 +42,9 @@ def test_a_preloaded_nut_is_two_balls_that_share_a_force(preload):
 
 def test_a_force_that_lifts_one_half_is_carried_by_the_other_alone():
     limit = 2**1.5 * 100.0
-    assert ball_load_n(np.array([0.0, limit, -limit, 1.5 * limit]), 100.0) == pytest.approx([100.0, limit, limit, 1.5 * limit])
+    assert ball_load_n(np.array([0.0, limit, -limit, 1.5 * limit]), 100.0) == pytest.approx(
+        [100.0, limit, limit, 1.5 * limit]
+    )
     assert ball_load_n(np.array([-3.0, 7.0]), 0.0) == pytest.approx([3.0, 7.0])
 
 
@@ -55,22 +59,38 @@ def test_more_preload_or_more_force_never_presses_less(preload, force, more):
 @pytest.mark.parametrize("preload", [580.0, 1160.0])
 def test_the_preload_is_in_the_life_phase_by_phase(preload):
     """From the table's forces, constant within each phase, and the way of each."""
-    rows = [row for row in table(AXIS.cycle, AXIS.load, AXIS.transmission, UNIT.screw(AXIS.mounting)) if row.phase]
+    rows = [
+        row
+        for row in table(AXIS.cycle, AXIS.load, AXIS.transmission, UNIT.screw(AXIS.mounting))
+        if row.phase
+    ]
     loads = [preload * (1 + abs(row.force_n) / (2**1.5 * preload)) ** 1.5 for row in rows]
     ways = [row.duration_s * abs(row.mean_speed_m_s) for row in rows]
-    worn = (sum(load**3 * way for load, way in zip(loads, ways, strict=True)) / sum(ways)) ** (1 / 3)
+    worn = (sum(load**3 * way for load, way in zip(loads, ways, strict=True)) / sum(ways)) ** (
+        1 / 3
+    )
     hours = 1e6 * 0.02 / 3600 / (1.2 / 1.86) * (11600 / (1.2 * worn)) ** 3
     found = checks_of(AXIS, replace(UNIT, preload_n=preload))["life"]
     assert found.value == pytest.approx(hours, rel=1e-9)
     assert found.state == "broken"
-    constant = preload * (1 + 82.164912 / (2**1.5 * preload)) ** 1.5  # the same of the equivalent force, a little more
-    assert hours == pytest.approx(1e6 * 0.02 / 3600 / (1.2 / 1.86) * (11600 / (1.2 * constant)) ** 3, rel=0.12)
+    constant = (
+        preload * (1 + 82.164912 / (2**1.5 * preload)) ** 1.5
+    )  # the same of the equivalent force, a little more
+    assert hours == pytest.approx(
+        1e6 * 0.02 / 3600 / (1.2 / 1.86) * (11600 / (1.2 * constant)) ** 3, rel=0.12
+    )
 
 
 def test_the_usual_share_is_for_nuts_that_tell_no_preload():
     shared = replace(AXIS, shares=replace(AXIS.shares, preload=0.05))
-    assert checks_of(shared, UNIT)["life"].value == checks_of(AXIS, replace(UNIT, preload_n=580.0))["life"].value
-    assert checks_of(shared, replace(UNIT, preload_n=0.0))["life"].value == checks_of(AXIS, UNIT)["life"].value
+    assert (
+        checks_of(shared, UNIT)["life"].value
+        == checks_of(AXIS, replace(UNIT, preload_n=580.0))["life"].value
+    )
+    assert (
+        checks_of(shared, replace(UNIT, preload_n=0.0))["life"].value
+        == checks_of(AXIS, UNIT)["life"].value
+    )
     assert shared.preload_n(replace(UNIT, dynamic_load_n=None)) == 0.0
 
 
@@ -89,7 +109,9 @@ def test_a_preload_drags_unless_the_drag_is_given():
 
 def test_the_static_load_has_the_preload_in_it():
     pressed = 580.0 * (1 + 157.8778 / (2**1.5 * 580.0)) ** 1.5
-    assert checks_of(AXIS, replace(UNIT, preload_n=580.0))["static load"].value == pytest.approx(1.2 * pressed, rel=1e-6)
+    assert checks_of(AXIS, replace(UNIT, preload_n=580.0))["static load"].value == pytest.approx(
+        1.2 * pressed, rel=1e-6
+    )
 
 
 def test_the_command_says_what_life_the_recommended_preload_would_leave(rig):
@@ -97,7 +119,5 @@ def test_the_command_says_what_life_the_recommended_preload_would_leave(rig):
         return checks_of(AXIS, replace(UNIT, preload_n=preload))["life"].value
 
     _, said, _ = rig("size", "--example", "appendix")
-    words = (
-        f"580 to 1160 N, leave a life of {float(f'{hours(580.0):.4g}'):g} to {hours(1160.0):.4g} h of the 300000 h asked for"
-    )
+    words = f"580 to 1160 N, leave a life of {float(f'{hours(580.0):.4g}'):g} to {hours(1160.0):.4g} h of the 300000 h asked for"
     assert words in " ".join(said.split())

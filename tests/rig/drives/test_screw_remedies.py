@@ -69,8 +69,12 @@ def test_four_digits_are_rounded_to_the_side_that_helps(value):
 def test_a_screw_with_the_lead_that_is_named_keeps_the_check(name, wishes):
     axis = replace(AXIS, wishes=Wishes(**wishes), bearing_n_m=2e8)
     tried = 0
-    for d, p, core in product(np.geomspace(0.006, 0.05, 5), np.geomspace(0.002, 0.1, 5), (None, 0.83)):
-        screw = replace(SCREW, diameter_m=float(d), lead_m=float(p), core_diameter_m=core and core * float(d))
+    for d, p, core in product(
+        np.geomspace(0.006, 0.05, 5), np.geomspace(0.002, 0.1, 5), (None, 0.83)
+    ):
+        screw = replace(
+            SCREW, diameter_m=float(d), lead_m=float(p), core_diameter_m=core and core * float(d)
+        )
         check = check_of(axis, screw, name)
         lead = named(check.reason, r"a lead of ([-0-9.e]+) mm")
         if lead is not None:
@@ -82,11 +86,14 @@ def test_a_screw_with_the_lead_that_is_named_keeps_the_check(name, wishes):
 
 
 @pytest.mark.parametrize(
-    ("name", "wishes"), [("buckling", {}), ("sag", {"sag_m": 3e-4}), ("stiffness", {"stiffness_n_m": 6e7})]
+    ("name", "wishes"),
+    [("buckling", {}), ("sag", {"sag_m": 3e-4}), ("stiffness", {"stiffness_n_m": 6e7})],
 )
 @settings(max_examples=40)
 @given(**sizes, cored=st.booleans(), carried=st.sampled_from((0.0, 2.0, 50.0)))
-def test_a_screw_with_the_diameter_that_is_named_keeps_the_check(name, wishes, d, p, cored, carried):
+def test_a_screw_with_the_diameter_that_is_named_keeps_the_check(
+    name, wishes, d, p, cored, carried
+):
     heavy = replace(AXIS.load, mass_kg=3000.0)
     axis = replace(AXIS, load=heavy, wishes=Wishes(**wishes), bearing_n_m=2e8, carried_kg=carried)
     screw = replace(SCREW, diameter_m=d, lead_m=p, core_diameter_m=0.9 * d if cored else None)
@@ -123,7 +130,10 @@ def test_the_rest_that_is_named_keeps_the_motor_cool(share, hold):
     rest = named(check.reason, r": ([-0-9.e]+) s more of rest")
     last = axis.cycle.moves[-1]
     longer = Cycle((*axis.cycle.moves[:-1], replace(last, rest_s=last.rest_s + rest)))
-    assert check_of(replace(axis, cycle=longer, motor=motor), SCREW, "motor torque, rms").state == "kept"
+    assert (
+        check_of(replace(axis, cycle=longer, motor=motor), SCREW, "motor torque, rms").state
+        == "kept"
+    )
 
 
 def test_rests_are_no_remedy_where_holding_takes_too_much():
@@ -138,13 +148,27 @@ def test_rests_are_no_remedy_where_holding_takes_too_much():
     assert f"even speed alone takes {hold:.4g} N m" in peak
     assert "more time" not in peak
     strong = replace(motor, peak_torque_n_m=0.8)
-    assert "more time for the moves" in check_of(replace(axis, motor=strong), SCREW, "motor torque, peak").reason
+    assert (
+        "more time for the moves"
+        in check_of(replace(axis, motor=strong), SCREW, "motor torque, peak").reason
+    )
 
 
 def test_a_screw_is_no_remedy_where_bearing_and_nut_are_too_soft():
-    axis = replace(AXIS, bearing_n_m=2e8, nut_n_m=2.5e8, wishes=Wishes(stiffness_n_m=3e8, bandwidth_rad_s=700.0))
-    assert "bearing and nut alone give 111.1 N/µm where 300 N/µm are needed" in check_of(axis, SCREW, "stiffness").reason
-    assert "bearing and nut alone give 111.1 N/µm where 156.8 N/µm" in check_of(axis, SCREW, "bandwidth").reason
+    axis = replace(
+        AXIS,
+        bearing_n_m=2e8,
+        nut_n_m=2.5e8,
+        wishes=Wishes(stiffness_n_m=3e8, bandwidth_rad_s=700.0),
+    )
+    assert (
+        "bearing and nut alone give 111.1 N/µm where 300 N/µm are needed"
+        in check_of(axis, SCREW, "stiffness").reason
+    )
+    assert (
+        "bearing and nut alone give 111.1 N/µm where 156.8 N/µm"
+        in check_of(axis, SCREW, "bandwidth").reason
+    )
 
 
 def test_what_is_stiffest_or_fastest_already_is_no_remedy():
@@ -171,7 +195,9 @@ def test_preload_is_named_only_where_less_of_it_helps():
 
 
 @pytest.mark.parametrize("hours", [300.0, 1e5])
-@pytest.mark.parametrize(("preload_n", "share"), [(None, 0.0), (0.0, 0.1), (900.0, 0.0), (None, 0.05), (None, 0.3)])
+@pytest.mark.parametrize(
+    ("preload_n", "share"), [(None, 0.0), (0.0, 0.1), (900.0, 0.0), (None, 0.05), (None, 0.3)]
+)
 def test_the_dynamic_load_that_is_named_lasts_and_a_little_less_does_not(hours, preload_n, share):
     axis = replace(AXIS, wishes=Wishes(life_h=hours), shares=replace(AXIS.shares, preload=share))
     weak = replace(SCREW, dynamic_load_n=300.0, preload_n=preload_n)

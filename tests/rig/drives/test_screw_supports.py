@@ -11,7 +11,12 @@ from scipy.optimize import brentq
 
 from rig.drives.screw.supports import SUPPORTS
 
-FREE, SIMPLE, MIXED, FIXED = "fixed-free", "supported-supported", "fixed-supported", "fixed-fixed"  # ever stiffer
+FREE, SIMPLE, MIXED, FIXED = (
+    "fixed-free",
+    "supported-supported",
+    "fixed-supported",
+    "fixed-fixed",
+)  # ever stiffer
 
 
 def beam(support, elements=120):
@@ -55,11 +60,15 @@ def test_the_coefficients_of_a_support_are_those_of_a_beam_of_finite_elements(na
     k, m, g, down = beam(name)
     support = SUPPORTS[name]
     assert math.sqrt(eigh(k, m, eigvals_only=True)[0]) == pytest.approx(support.whirl, rel=1e-6)
-    assert eigh(k, g, eigvals_only=True)[0] / math.pi**2 == pytest.approx(support.buckling, rel=1e-6)
+    assert eigh(k, g, eigvals_only=True)[0] / math.pi**2 == pytest.approx(
+        support.buckling, rel=1e-6
+    )
     own = np.linalg.solve(k, _uniform(name))
     assert 1.0 / np.abs(own[down]).max() == pytest.approx(support.own_sag, rel=1e-4)
     bent = np.linalg.inv(k)[np.ix_(down, down)]  # a column for each place of a unit load
-    assert 1.0 / np.abs(bent).max() == pytest.approx(support.load_sag, rel=3e-4)  # places are 1/120 apart
+    assert 1.0 / np.abs(bent).max() == pytest.approx(
+        support.load_sag, rel=3e-4
+    )  # places are 1/120 apart
 
 
 def _uniform(name, elements=120):
@@ -84,7 +93,9 @@ def _uniform(name, elements=120):
     ],
 )
 def test_the_whirl_coefficient_is_the_square_of_the_first_root(name, equation, near):
-    assert SUPPORTS[name].whirl == pytest.approx(brentq(equation, *near, xtol=1e-14) ** 2, rel=1e-12)
+    assert SUPPORTS[name].whirl == pytest.approx(
+        brentq(equation, *near, xtol=1e-14) ** 2, rel=1e-12
+    )
 
 
 def test_the_buckling_coefficient_of_one_fixed_end_is_that_of_tan_x_is_x():

@@ -50,7 +50,10 @@ def test_a_bilinear_block_is_exact_at_its_prewarp_frequency(omega):
 
 
 def test_a_prewarp_frequency_beyond_half_the_sampling_is_refused():
-    with pytest.raises(BeyondNyquist, match=r"prewarp_rad_s = 4000 rad/s with a sample time of 0.001 s; must be < 3141.59"):
+    with pytest.raises(
+        BeyondNyquist,
+        match=r"prewarp_rad_s = 4000 rad/s with a sample time of 0.001 s; must be < 3141.59",
+    ):
         discretise(lag(0.01), 1e-3, prewarp_rad_s=4000.0)
 
 
@@ -61,12 +64,16 @@ def test_more_zeros_than_poles_are_refused():
 
 @pytest.mark.parametrize("period_s", [0.0, -1.0, math.nan, 100.0])
 def test_a_sample_time_that_no_drive_has_is_refused(period_s):
-    with pytest.raises(ServoError, match=r"period_s = .*; must be 1e-07 to 10: give the drive's sample time"):
+    with pytest.raises(
+        ServoError, match=r"period_s = .*; must be 1e-07 to 10: give the drive's sample time"
+    ):
         discretise(lag(0.01), period_s)
 
 
 def test_a_continuous_system_is_no_block():
-    with pytest.raises(ServoError, match="must have one output and be sampled: call discretise first"):
+    with pytest.raises(
+        ServoError, match="must have one output and be sampled: call discretise first"
+    ):
         Block(control.ss(lag(0.01)))
 
 
@@ -79,14 +86,18 @@ def test_modes_are_one_of_each_pair_slowest_first_and_an_unstable_one_has_negati
 def test_sampled_poles_are_told_as_the_continuous_ones_they_come_from():
     system = control.ss(control.tf([1.0], [1.0, 20.0, 1e4]))
     sampled = discretise(system, 1e-3, method="zoh")
-    assert np.sort_complex(loops.poles(sampled)) == pytest.approx(np.sort_complex(system.poles()), rel=1e-9)
+    assert np.sort_complex(loops.poles(sampled)) == pytest.approx(
+        np.sort_complex(system.poles()), rel=1e-9
+    )
 
 
 def test_margins_of_an_integrator_with_a_lag_are_the_textbook_s():
     """L = 1 / (s (1 + s)): crossover sqrt((sqrt 5 - 1) / 2), phase margin 90 deg - atan of it."""
     crossover = math.sqrt((math.sqrt(5.0) - 1.0) / 2.0)
     found = loops.margins(control.tf([1.0], [1.0, 1.0, 0.0]))
-    assert found[:4] == pytest.approx((math.inf, 0.0, 90.0 - math.degrees(math.atan(crossover)), crossover), rel=1e-6)
+    assert found[:4] == pytest.approx(
+        (math.inf, 0.0, 90.0 - math.degrees(math.atan(crossover)), crossover), rel=1e-6
+    )
 
 
 def test_a_third_lag_bounds_the_gain():
@@ -94,7 +105,9 @@ def test_a_third_lag_bounds_the_gain():
     system, omega = control.tf([2.0], [1.0, 3.0, 3.0, 1.0]), np.geomspace(0.1, 10.0, 20_001)
     found = loops.margins(system)
     assert (found.gain, found.least_gain) == pytest.approx((4.0, 0.0), rel=1e-6)
-    assert found.sensitivity == pytest.approx(np.max(1.0 / np.abs(1.0 + system(1j * omega))), rel=1e-6)
+    assert found.sensitivity == pytest.approx(
+        np.max(1.0 / np.abs(1.0 + system(1j * omega))), rel=1e-6
+    )
 
 
 def test_a_loop_that_less_gain_would_let_go_tells_to_where_it_may_fall():
@@ -109,7 +122,9 @@ def test_a_sampled_lag_may_gain_until_its_pole_is_at_half_the_sampling(pole):
     found = loops.margins(control.tf([0.1], [1.0, -pole], 1e-3))
     assert found.gain == pytest.approx((1.0 + pole) / 0.1, rel=1e-9)
     near = np.exp(1j * np.linspace(1e-3, math.pi, 20_001))
-    assert found.sensitivity == pytest.approx(np.max(1.0 / np.abs(1.0 + 0.1 / (near - pole))), rel=1e-6)
+    assert found.sensitivity == pytest.approx(
+        np.max(1.0 / np.abs(1.0 + 0.1 / (near - pole))), rel=1e-6
+    )
 
 
 def test_a_sampled_loop_with_a_pole_at_half_the_sampling_is_refused():
@@ -125,7 +140,9 @@ def test_a_static_loop_has_the_sensitivity_of_its_gain():
 def test_an_unstable_loop_is_told():
     opened = control.tf([25.0], [1.0, -2.0, 0.0])
     assert not loops.facts(opened, control.feedback(opened)).stable
-    assert loops.facts(control.tf([25.0], [1.0, 2.0, 0.0]), control.feedback(control.tf([25.0], [1.0, 2.0, 0.0]))).stable
+    assert loops.facts(
+        control.tf([25.0], [1.0, 2.0, 0.0]), control.feedback(control.tf([25.0], [1.0, 2.0, 0.0]))
+    ).stable
 
 
 def test_a_loop_s_facts_are_those_of_its_closed_form():
@@ -148,5 +165,7 @@ def test_the_condition_of_eigenvectors_does_not_depend_on_the_units_of_the_state
     a, units = np.array([[0.0, 1.0], [-1e4, -20.0]]), np.diag([1.0, 1e5])
     scaled = units @ a @ np.linalg.inv(units)
     systems = [control.ss(m, np.ones((2, 1)), np.ones((1, 2)), 0.0) for m in (a, scaled)]
-    assert loops.condition(systems[0]) == pytest.approx(loops.condition(systems[1]), rel=0.3)  # scaled by powers of two
+    assert loops.condition(systems[0]) == pytest.approx(
+        loops.condition(systems[1]), rel=0.3
+    )  # scaled by powers of two
     assert loops.condition(systems[0]) < 2.0

@@ -31,7 +31,9 @@ turns = st.floats(0.003, 1.0)  # of the mode a sample [rad]
 def swing_after(setpoints_rad, mode, period_s):
     """Amplitude of w^2 / (s^2 + 2 zeta w s + w^2) about its input, which is held: exact, from the matrix exponential."""
     w, d = mode
-    whole = expm(np.array([[0.0, 1.0, 0.0], [-w * w, -2 * d * w, w * w], [0.0, 0.0, 0.0]]) * period_s)
+    whole = expm(
+        np.array([[0.0, 1.0, 0.0], [-w * w, -2 * d * w, w * w], [0.0, 0.0, 0.0]]) * period_s
+    )
     x = np.zeros(2)
     for u in setpoints_rad:
         x = whole[:2, :2] @ x + whole[:2, 2] * u
@@ -42,7 +44,10 @@ def swing_after(setpoints_rad, mode, period_s):
 def step_through(shaper, period_s):
     """A unit step, shaped, until the sample before which the last impulse has come."""
     shaped = ShapedSetpoint(shaper, period_s)
-    return [shaped.step(Setpoint(1.0)).angle_rad for _ in range(round(shaper.times_s[-1] / period_s) + 1)]
+    return [
+        shaped.step(Setpoint(1.0)).angle_rad
+        for _ in range(round(shaper.times_s[-1] / period_s) + 1)
+    ]
 
 
 def in_proportion(shaper, period_s):
@@ -59,7 +64,9 @@ def in_proportion(shaper, period_s):
 
 @settings(max_examples=150)
 @given(names, modes, turns)
-def test_impulses_on_samples_sum_to_1_keep_their_signs_and_leave_no_more_of_the_mode(name, mode, turn):
+def test_impulses_on_samples_sum_to_1_keep_their_signs_and_leave_no_more_of_the_mode(
+    name, mode, turn
+):
     rate = rate_1_s(mode)
     period_s = turn / abs(rate)
     exact, sampled = SHAPERS[name](rate), design(name, [mode], period_s)
@@ -67,7 +74,9 @@ def test_impulses_on_samples_sum_to_1_keep_their_signs_and_leave_no_more_of_the_
     assert len(exact.times_s) <= len(sampled.times_s) <= 2 * len(exact.times_s)
     assert exact.times_s[-1] <= sampled.times_s[-1] + 1e-9 * period_s
     assert sampled.times_s[-1] <= exact.times_s[-1] + period_s * (1 + 1e-9)
-    np.testing.assert_allclose(sampled.times_s / period_s, np.rint(sampled.times_s / period_s), atol=1e-9)
+    np.testing.assert_allclose(
+        sampled.times_s / period_s, np.rint(sampled.times_s / period_s), atol=1e-9
+    )
     grown = abs(transform(sampled, rate)) - abs(transform(exact, rate)) * (1 + turn**2 / 4)
     assert grown < 1e-9
     if name in EXACT:
@@ -78,7 +87,9 @@ def test_impulses_on_samples_sum_to_1_keep_their_signs_and_leave_no_more_of_the_
 
 @pytest.mark.parametrize("name", ["zv", "zvd", "zvdd"])
 @pytest.mark.parametrize("turn", [0.02, 0.1, 0.3])
-def test_dividing_in_proportion_leaves_up_to_an_eighth_of_the_turn_squared_and_on_grid_nothing(name, turn):
+def test_dividing_in_proportion_leaves_up_to_an_eighth_of_the_turn_squared_and_on_grid_nothing(
+    name, turn
+):
     mode = Mode(1.0, 0.05)
     exact, worst, ours = SHAPERS[name](rate_1_s(mode)), 0.0, 0.0
     for part in np.linspace(0.98, 1.02, 41):  # impulses fall elsewhere between the samples
@@ -92,7 +103,10 @@ def test_dividing_in_proportion_leaves_up_to_an_eighth_of_the_turn_squared_and_o
 @pytest.mark.parametrize("name", ["zv", "zvd", "zvdd"])
 def test_off_the_mode_the_sampled_shaper_forgives_as_much(name):
     mode = Mode(1.0, 0.05)
-    exact, sampled = facts(SHAPERS[name](rate_1_s(mode)), mode), facts(design(name, [mode], 0.1), mode)
+    exact, sampled = (
+        facts(SHAPERS[name](rate_1_s(mode)), mode),
+        facts(design(name, [mode], 0.1), mode),
+    )
     assert sampled.residual < 1e-14
     assert sampled.insensitivity == pytest.approx(exact.insensitivity, rel=4e-3)
     assert 0.0 <= sampled.duration_s - exact.duration_s < 0.1
@@ -119,13 +133,19 @@ def test_a_shaped_step_leaves_an_oscillator_of_the_mode_what_the_facts_say(name,
 
 @pytest.mark.parametrize("name", ["zv", "zvd", "zvdd"])
 def test_a_shaped_step_leaves_the_figures_of_the_table_on_a_joint_that_is_another(name):
-    known = next(row for row in DATA["robustness"] if row["shaper"] == name and row["damping"] == 0.05)
+    known = next(
+        row for row in DATA["robustness"] if row["shaper"] == name and row["damping"] == 0.05
+    )
     period_s = 0.01
     setpoints = step_through(design(name, [Mode(1.0, 0.05)], period_s), period_s)
     for (f, d), percent in zip(DATA["cases"], known["same_instant_pct"], strict=True):
         true = Mode(f, 0.05 * d)
-        share = swing_after(setpoints, true, period_s) / swing_after([1.0] * len(setpoints), true, period_s)
-        assert 100 * share == pytest.approx(percent, rel=2e-3)  # 10 ms samples; to all digits in the command's test
+        share = swing_after(setpoints, true, period_s) / swing_after(
+            [1.0] * len(setpoints), true, period_s
+        )
+        assert 100 * share == pytest.approx(
+            percent, rel=2e-3
+        )  # 10 ms samples; to all digits in the command's test
 
 
 @pytest.mark.parametrize("name", ["zv", "ei", "um_zv"])
@@ -139,7 +159,9 @@ def test_what_comes_out_is_the_exact_shaped_trajectory_sampled(name):
     out = np.array([shaped.step(Setpoint(*(float(law.at(x, k)) for k in range(3)))) for x in t])
     for order, scale in enumerate((70.0, 70.0 / 0.6, 70.0 / 0.36)):
         np.testing.assert_allclose(out[:, order], whole.at(t, order), atol=1e-11 * scale)
-    ideal = shape(law, SHAPERS[name](rate_1_s(mode)))  # impulses between the samples: a little elsewhere, no more
+    ideal = shape(
+        law, SHAPERS[name](rate_1_s(mode))
+    )  # impulses between the samples: a little elsewhere, no more
     assert np.abs(out[:, 0] - ideal.at(t)).max() < 70.0 * (mode.frequency_rad_s * period_s) ** 2
 
 
@@ -162,7 +184,9 @@ def test_reset_forgets_what_was_asked_for():
 
 def test_a_standing_setpoint_comes_through_whole():
     shaped = ShapedSetpoint(design("mzv", [Mode(20.0, 0.05)], 0.01), 0.01)
-    assert [shaped.step(Setpoint(3.0)) for _ in range(60)][-1] == pytest.approx((3.0, 0.0, 0.0), rel=1e-12)
+    assert [shaped.step(Setpoint(3.0)) for _ in range(60)][-1] == pytest.approx(
+        (3.0, 0.0, 0.0), rel=1e-12
+    )
 
 
 # several modes
@@ -176,7 +200,9 @@ def test_two_modes_make_the_source_s_cascade_and_its_residuals():
     at = np.searchsorted(known["zv_times_s"], fine.times_s + 5e-5) - 1
     sums = [fine.amplitudes[at == k].sum() for k in range(4)]
     np.testing.assert_allclose(sums, known["zv_amplitudes"], rtol=1e-6)
-    assert design("zvd", both, 1e-5).times_s[-1] == pytest.approx(known["zvd_duration_s"], abs=2.1e-5)
+    assert design("zvd", both, 1e-5).times_s[-1] == pytest.approx(
+        known["zvd_duration_s"], abs=2.1e-5
+    )
     for k, figures in enumerate((known["zv_first_off_10_pct"], known["zv_second_off_10_pct"])):
         left = 100 * residual(fine, np.array([1.1j, 0.9j]) * both[k].frequency_rad_s)
         np.testing.assert_allclose(left, figures, rtol=1e-4)
@@ -220,20 +246,56 @@ def test_the_modes_of_a_joint_are_taken_as_they_come():
 @pytest.mark.parametrize(
     ("call", "error", "words"),
     [
-        (lambda: design("zvvd", [Mode(1.0, 0.05)], 0.01), PlanError, "shaper = 'zvvd'; did you mean 'zvd'"),
-        (lambda: design("zv", [Mode(1.0, 1.0)], 0.01), ServoError, r"damping = 1\.0; must be 0 to 0\.99"),
-        (lambda: design("zv", [Mode(1.0, -0.1)], 0.01), ServoError, r"damping = -0\.1; must be 0 to 0\.99"),
-        (lambda: design("zv", [Mode(math.nan, 0.1)], 0.01), ServoError, "frequency_rad_s = nan; must be"),
-        (lambda: design("ei", [Mode(1.0, 0.6)], 0.01), PlanError, "for shaper ei; must be <= 0.5: take zvd or mzv"),
-        (lambda: design("zv", [], 0.01), ServoError, r"modes of shaper zv = \(\); must be one or more"),
+        (
+            lambda: design("zvvd", [Mode(1.0, 0.05)], 0.01),
+            PlanError,
+            "shaper = 'zvvd'; did you mean 'zvd'",
+        ),
+        (
+            lambda: design("zv", [Mode(1.0, 1.0)], 0.01),
+            ServoError,
+            r"damping = 1\.0; must be 0 to 0\.99",
+        ),
+        (
+            lambda: design("zv", [Mode(1.0, -0.1)], 0.01),
+            ServoError,
+            r"damping = -0\.1; must be 0 to 0\.99",
+        ),
+        (
+            lambda: design("zv", [Mode(math.nan, 0.1)], 0.01),
+            ServoError,
+            "frequency_rad_s = nan; must be",
+        ),
+        (
+            lambda: design("ei", [Mode(1.0, 0.6)], 0.01),
+            PlanError,
+            "for shaper ei; must be <= 0.5: take zvd or mzv",
+        ),
+        (
+            lambda: design("zv", [], 0.01),
+            ServoError,
+            r"modes of shaper zv = \(\); must be one or more",
+        ),
         (
             lambda: design("zv", [Mode(4000.0, 0.05)], 0.001),
             BeyondNyquist,
             "shaper's mode = 3995 rad/s .*: sample faster",
         ),
-        (lambda: design("um_zv", [Mode(1.0, 0.0)], 2.5), BeyondNyquist, r"impulses of both signs .* must be > 0\.5: sample"),
-        (lambda: design("zv", [Mode(1e-3, 0.05)], 1e-4), ServoError, "samples of delay = 31455270.*; must be 0 to 1e"),
-        (lambda: design("zv", [Mode(1.0, 0.05)], 0.0), ServoError, "period_s = 0.0; must be 1e-07 to 10"),
+        (
+            lambda: design("um_zv", [Mode(1.0, 0.0)], 2.5),
+            BeyondNyquist,
+            r"impulses of both signs .* must be > 0\.5: sample",
+        ),
+        (
+            lambda: design("zv", [Mode(1e-3, 0.05)], 1e-4),
+            ServoError,
+            "samples of delay = 31455270.*; must be 0 to 1e",
+        ),
+        (
+            lambda: design("zv", [Mode(1.0, 0.05)], 0.0),
+            ServoError,
+            "period_s = 0.0; must be 1e-07 to 10",
+        ),
         (
             lambda: ShapedSetpoint(SHAPERS["zv"](1j), 0.1),
             ServoError,

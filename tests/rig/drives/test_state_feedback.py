@@ -15,9 +15,22 @@ from scipy.linalg import expm, solve_continuous_are, solve_continuous_lyapunov
 from scipy.signal import place_poles
 
 from rig.drives.servo import riccati
-from rig.drives.servo.errors import BeyondNyquist, NotObservable, NotReachable, PolesOutOfReach, ServoError
+from rig.drives.servo.errors import (
+    BeyondNyquist,
+    NotObservable,
+    NotReachable,
+    PolesOutOfReach,
+    ServoError,
+)
 from rig.drives.servo.reachability import check_observable, check_reachable, reach
-from rig.drives.servo.state_feedback import Feedback, assign, augmented, augmented_units, lq, sampled_joint
+from rig.drives.servo.state_feedback import (
+    Feedback,
+    assign,
+    augmented,
+    augmented_units,
+    lq,
+    sampled_joint,
+)
 from rig.drives.servo.two_mass import TwoMass
 
 DATA = tomllib.loads((Path(__file__).parents[2] / "data" / "servo_state_space.toml").read_text())
@@ -42,13 +55,17 @@ def test_the_reference_s_weights_give_the_reference_s_gains_and_poles():
     feedback = lq(LISTED, WEIGHTS, DATA["lq"]["torque_weight"])
     np.testing.assert_allclose(feedback.row, DATA["lq"]["gains"], rtol=1e-7)
     wanted = np.array(DATA["lq"]["poles_re"]) + 1j * np.array(DATA["lq"]["poles_im"])
-    np.testing.assert_allclose(np.sort_complex(feedback.poles_1_s(LISTED)), np.sort_complex(wanted), rtol=1e-7)
+    np.testing.assert_allclose(
+        np.sort_complex(feedback.poles_1_s(LISTED)), np.sort_complex(wanted), rtol=1e-7
+    )
 
 
 @pytest.mark.parametrize("joint", JOINTS.values(), ids=JOINTS)
 def test_one_input_leaves_one_answer_whichever_routine_looks_for_it(joint):
     f, g = augmented(joint)
-    np.testing.assert_allclose(assign(joint, POLES).row, -place_poles(f, g[:, None], POLES).gain_matrix[0], rtol=1e-8)
+    np.testing.assert_allclose(
+        assign(joint, POLES).row, -place_poles(f, g[:, None], POLES).gain_matrix[0], rtol=1e-8
+    )
 
 
 def test_repeated_poles_are_assigned_though_the_robust_routine_refuses_them():
@@ -56,12 +73,23 @@ def test_repeated_poles_are_assigned_though_the_robust_routine_refuses_them():
     with pytest.raises(ValueError, match="repeated"):
         place_poles(f, g[:, None], np.full(5, -80.0))
     feedback = assign(LISTED, [-80.0] * 5)
-    np.testing.assert_allclose(np.poly(closed(LISTED, feedback)), np.poly(np.full(5, -80.0)), rtol=1e-9)
-    assert feedback.facts(LISTED).condition > 1e6  # alike as the eigenvectors are, the poles are a matter of rounding
+    np.testing.assert_allclose(
+        np.poly(closed(LISTED, feedback)), np.poly(np.full(5, -80.0)), rtol=1e-9
+    )
+    assert (
+        feedback.facts(LISTED).condition > 1e6
+    )  # alike as the eigenvectors are, the poles are a matter of rounding
 
 
 @settings(max_examples=60)
-@given(st.floats(5.0, 2e3), st.floats(0.05, 20.0), st.just(0.0) | st.floats(1e-3, 0.3), pairs, pairs, st.floats(-2.0, -0.1))
+@given(
+    st.floats(5.0, 2e3),
+    st.floats(0.05, 20.0),
+    st.just(0.0) | st.floats(1e-3, 0.3),
+    pairs,
+    pairs,
+    st.floats(-2.0, -0.1),
+)
 def test_any_joint_takes_any_stable_poles(antiresonance, ratio, damping, one, two, real):
     joint = TwoMass.normalised(antiresonance, ratio, damping, 1e-3)
     wanted = antiresonance * np.array(
@@ -71,7 +99,10 @@ def test_any_joint_takes_any_stable_poles(antiresonance, ratio, damping, one, tw
     scale = antiresonance ** np.arange(6)
     found = np.poly(f + np.outer(g, assign(joint, wanted).row)) / scale
     np.testing.assert_allclose(
-        found, np.poly(wanted).real / scale, rtol=1e-7, atol=1e-7 * np.abs(np.poly(wanted) / scale).max()
+        found,
+        np.poly(wanted).real / scale,
+        rtol=1e-7,
+        atol=1e-7 * np.abs(np.poly(wanted) / scale).max(),
     )
 
 
@@ -79,8 +110,12 @@ def test_lq_gains_solve_the_riccati_equation_and_have_the_sign_lqr_leaves_out():
     f, g = augmented(LISTED)
     p = solve_continuous_are(f, g[:, None], np.diag(WEIGHTS), 1.0)
     np.testing.assert_allclose(lq(LISTED, WEIGHTS).row, -(g @ p), rtol=1e-9)
-    np.testing.assert_allclose(lq(LISTED, WEIGHTS).row, -control.lqr(f, g[:, None], np.diag(WEIGHTS), 1.0)[0][0], rtol=1e-9)
-    assert np.max(np.linalg.eigvals(f - np.outer(g, lq(LISTED, WEIGHTS).row)).real) > 0.0  # as the slide prints it
+    np.testing.assert_allclose(
+        lq(LISTED, WEIGHTS).row, -control.lqr(f, g[:, None], np.diag(WEIGHTS), 1.0)[0][0], rtol=1e-9
+    )
+    assert (
+        np.max(np.linalg.eigvals(f - np.outer(g, lq(LISTED, WEIGHTS).row)).real) > 0.0
+    )  # as the slide prints it
 
 
 @pytest.mark.parametrize("place", range(5))
@@ -123,7 +158,10 @@ def test_lq_has_sixty_degrees_and_takes_half_its_gain(joint):
 
 @pytest.mark.parametrize("unit", [1e-5, 1e-2, 1e5])
 def test_lq_gains_go_with_the_unit_of_torque(unit):
-    keys = {key: value * (1.0 if key == "gear_ratio" else unit) for key, value in DATA["joints"]["listed"].items()}
+    keys = {
+        key: value * (1.0 if key == "gear_ratio" else unit)
+        for key, value in DATA["joints"]["listed"].items()
+    }
     scaled = lq(TwoMass(**keys), WEIGHTS, 1.0 / unit**2)
     np.testing.assert_allclose(scaled.row, lq(LISTED, WEIGHTS).row * unit, rtol=1e-9)
 
@@ -148,7 +186,10 @@ def test_any_joint_and_weights_have_gains_that_settle_or_a_word_why_not(
         if "weights = [" not in str(refusal):
             raise
     else:
-        assert np.max(np.linalg.eigvals(augmented_units(joint).matrix(closed(joint, feedback))).real) < 0.0
+        assert (
+            np.max(np.linalg.eigvals(augmented_units(joint).matrix(closed(joint, feedback))).real)
+            < 0.0
+        )
 
 
 def test_facts_tell_poles_zeros_and_how_alike_the_eigenvectors_are():
@@ -156,22 +197,35 @@ def test_facts_tell_poles_zeros_and_how_alike_the_eigenvectors_are():
     np.testing.assert_allclose(np.sort_complex(facts.poles_1_s), np.sort_complex(POLES), rtol=1e-9)
     found = np.sort_complex(facts.zeros_1_s)
     np.testing.assert_allclose(found.real, DATA["structure"]["zeros_to_motor_re"], rtol=1e-7)
-    np.testing.assert_allclose(np.abs(found.imag), np.abs(DATA["structure"]["zeros_to_motor_im"]), rtol=1e-6)
+    np.testing.assert_allclose(
+        np.abs(found.imag), np.abs(DATA["structure"]["zeros_to_motor_im"]), rtol=1e-6
+    )
     assert facts.condition > lq(LISTED, WEIGHTS).facts(LISTED).condition
 
 
 def test_sampled_gains_put_every_pole_where_the_continuous_one_goes():
     feedback, period = lq(LISTED, WEIGHTS), 1e-3
-    whole = expm(np.block([[LISTED.state_matrix, LISTED.input_matrix], [np.zeros((2, 6))]]) * period)
+    whole = expm(
+        np.block([[LISTED.state_matrix, LISTED.input_matrix], [np.zeros((2, 6))]]) * period
+    )
     f = np.eye(5)
     f[:4, :4], f[4, 0] = whole[:4, :4], -period
-    found = np.linalg.eigvals(f + np.outer(np.append(whole[:4, 4], 0.0), feedback.sampled(LISTED, period).row))
-    np.testing.assert_allclose(np.sort_complex(np.log(found) / period), np.sort_complex(feedback.poles_1_s(LISTED)), rtol=1e-7)
+    found = np.linalg.eigvals(
+        f + np.outer(np.append(whole[:4, 4], 0.0), feedback.sampled(LISTED, period).row)
+    )
+    np.testing.assert_allclose(
+        np.sort_complex(np.log(found) / period),
+        np.sort_complex(feedback.poles_1_s(LISTED)),
+        rtol=1e-7,
+    )
 
 
 def test_sampled_gains_tend_to_the_continuous_ones_with_the_period():
     feedback = lq(LISTED, WEIGHTS)
-    off = [np.max(np.abs(feedback.sampled(LISTED, period).row / feedback.row - 1.0)) for period in (1e-4, 1e-5)]
+    off = [
+        np.max(np.abs(feedback.sampled(LISTED, period).row / feedback.row - 1.0))
+        for period in (1e-4, 1e-5)
+    ]
     assert off[1] < 2e-3
     assert off[0] / off[1] == pytest.approx(10.0, rel=0.05)
 
@@ -179,7 +233,9 @@ def test_sampled_gains_tend_to_the_continuous_ones_with_the_period():
 def test_raw_ranks_mislead_and_the_scaled_test_does_not():
     a, b = LISTED.state_matrix, LISTED.input_matrix[:, 0]
     krylov = np.column_stack([np.linalg.matrix_power(a, i) @ b for i in range(4)])
-    assert np.linalg.cond(krylov) == pytest.approx(DATA["structure"]["cond_reachability_matrix"], rel=1e-4)
+    assert np.linalg.cond(krylov) == pytest.approx(
+        DATA["structure"]["cond_reachability_matrix"], rel=1e-4
+    )
     assert reach(a, b)[0].measure > 0.1
     assert reach(a.T, np.eye(4)[0])[0].measure > 0.1
 
@@ -213,7 +269,13 @@ def test_two_equal_modes_are_one_too_many_for_one_input():
 
 
 @pytest.mark.parametrize(
-    ("a", "b"), [(np.eye(2), np.ones(3)), (np.ones((2, 3)), np.ones(2)), (np.eye(2), [1.0, math.nan]), (np.zeros((0, 0)), [])]
+    ("a", "b"),
+    [
+        (np.eye(2), np.ones(3)),
+        (np.ones((2, 3)), np.ones(2)),
+        (np.eye(2), [1.0, math.nan]),
+        (np.zeros((0, 0)), []),
+    ],
 )
 def test_matrices_that_do_not_fit_are_refused(a, b):
     with pytest.raises(ServoError, match="must be"):
@@ -249,7 +311,9 @@ def test_a_joint_faster_than_the_sampling_is_refused():
         assign(LISTED, [-30, -31, -32, -33, -34]).sampled(LISTED, 0.02)
 
 
-@pytest.mark.parametrize("weights", [[1, 1, 1, 1], [1, 1, 1, 1, 0], [1, -1, 1, 1, 1], [1, 1, math.inf, 1, 1]])
+@pytest.mark.parametrize(
+    "weights", [[1, 1, 1, 1], [1, 1, 1, 1, 0], [1, -1, 1, 1, 1], [1, 1, math.inf, 1, 1]]
+)
 def test_weights_that_bring_nothing_home_are_refused(weights):
     with pytest.raises(ServoError, match="weights"):
         lq(LISTED, weights)
@@ -258,7 +322,10 @@ def test_weights_that_bring_nothing_home_are_refused(weights):
 @pytest.mark.parametrize(
     ("weights", "match"),
     [
-        ([0.0, 0.0, 0.0, 0.0, 1e-300], r"1e-300\], torque_weight = 1.* rounding decides.*bring the weights closer together"),
+        (
+            [0.0, 0.0, 0.0, 0.0, 1e-300],
+            r"1e-300\], torque_weight = 1.* rounding decides.*bring the weights closer together",
+        ),
         ([1e308] * 5, "no gains within floating point: bring the weights closer together"),
     ],
 )
@@ -267,15 +334,24 @@ def test_weights_too_far_apart_for_floating_point_are_refused(weights, match):
         lq(LISTED, weights)
 
 
-def test_gains_that_leave_a_pole_at_the_right_are_refused_however_alike_two_ways_find_them(monkeypatch):
+def test_gains_that_leave_a_pole_at_the_right_are_refused_however_alike_two_ways_find_them(
+    monkeypatch,
+):
     monkeypatch.setattr(riccati, "AGREEMENT", 1e300)
     with pytest.raises(ServoError, match=r"real part >= 0 \(here \d"):
         lq(LISTED, [0.0, 0.0, 0.0, 0.0, 1e-300])
 
 
 def test_a_damper_that_no_floating_point_samples_is_refused():
-    stiff = TwoMass(motor_inertia_kg_m2=1e-12, load_inertia_kg_m2=7e-12, stiffness_n_m_rad=1.0, elastic_damping_n_m_s_rad=9e11)
-    with pytest.raises(ServoError, match=r"period_s = 9\.7 .* a pole at -1\.03e\+24 .* lower its damping"):
+    stiff = TwoMass(
+        motor_inertia_kg_m2=1e-12,
+        load_inertia_kg_m2=7e-12,
+        stiffness_n_m_rad=1.0,
+        elastic_damping_n_m_s_rad=9e11,
+    )
+    with pytest.raises(
+        ServoError, match=r"period_s = 9\.7 .* a pole at -1\.03e\+24 .* lower its damping"
+    ):
         sampled_joint(stiff, 9.7)
 
 
@@ -285,7 +361,10 @@ def test_torque_for_nothing_is_refused(weight):
         lq(LISTED, WEIGHTS, weight)
 
 
-@pytest.mark.parametrize("gains", [((1.0, 2.0, 3.0), 1.0), ((1.0, 2.0, 3.0, math.inf), 1.0), ((1.0, 2.0, 3.0, 4.0), math.nan)])
+@pytest.mark.parametrize(
+    "gains",
+    [((1.0, 2.0, 3.0), 1.0), ((1.0, 2.0, 3.0, math.inf), 1.0), ((1.0, 2.0, 3.0, 4.0), math.nan)],
+)
 def test_gains_that_are_not_five_numbers_are_refused(gains):
     with pytest.raises(ServoError, match="gains"):
         Feedback(*gains)

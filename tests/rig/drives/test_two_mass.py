@@ -52,7 +52,9 @@ def test_the_fitted_constants_have_all_five_printed_modes():
 
 def test_the_normalised_joint_has_the_modes_of_its_closed_form():
     n = DATA["normalised"]
-    joint = TwoMass.normalised(n["antiresonance_rad_s"], n["inertia_ratio"], n["antiresonance_damping"])
+    joint = TwoMass.normalised(
+        n["antiresonance_rad_s"], n["inertia_ratio"], n["antiresonance_damping"]
+    )
     (pole,) = swinging(joint.poles_1_s)
     assert pole == pytest.approx((n["resonance_rad_s"], n["resonance_damping"]), rel=1e-7)
     assert joint.rigid_inertia_kg_m2 == pytest.approx(1.0)
@@ -63,17 +65,24 @@ def test_the_normalised_joint_has_the_modes_of_its_closed_form():
 def test_the_polynomials_are_the_transfer_functions_of_the_state_space(joint, omega):
     """(s I - A) x = B tau, with the states that the polynomials say, each term to the rounding of the largest."""
     s = 1j * omega
-    angles = [np.polyval(n, s) / np.polyval(joint.denominator, s) for n in (joint.motor_numerator, joint.load_numerator)]
+    angles = [
+        np.polyval(n, s) / np.polyval(joint.denominator, s)
+        for n in (joint.motor_numerator, joint.load_numerator)
+    ]
     states = np.array([angles[0], s * angles[0], angles[1], s * angles[1]])
     rounding = 1e-10 * (np.abs(joint.state_matrix) @ np.abs(states)).max()
-    assert s * states == pytest.approx(joint.state_matrix @ states + joint.input_matrix[:, 0], abs=rounding)
+    assert s * states == pytest.approx(
+        joint.state_matrix @ states + joint.input_matrix[:, 0], abs=rounding
+    )
 
 
 @given(joints)
 def test_without_friction_momentum_is_what_the_torque_put_in(joint):
     a, b = joint.state_matrix, joint.input_matrix
     momentum = np.array([0.0, joint.motor_inertia_kg_m2, 0.0, joint.reflected_inertia_kg_m2])
-    friction = np.array([0.0, joint.motor_friction_n_m_s_rad, 0.0, joint.reflected_friction_n_m_s_rad])
+    friction = np.array(
+        [0.0, joint.motor_friction_n_m_s_rad, 0.0, joint.reflected_friction_n_m_s_rad]
+    )
     scale = np.abs(momentum) @ np.abs(a)
     assert momentum @ a == pytest.approx(-friction, abs=1e-12 * scale.max())
     assert momentum @ b == pytest.approx([1.0, 1.0])
@@ -83,13 +92,17 @@ def test_the_plant_is_asked_for_by_name():
     joint = TwoMass(**DATA["listed"])
     speed = joint.plant["load_speed", "motor_torque"]
     s = 37.0j
-    assert speed(s) == pytest.approx(s * np.polyval(joint.load_numerator, s) / np.polyval(joint.denominator, s))
+    assert speed(s) == pytest.approx(
+        s * np.polyval(joint.load_numerator, s) / np.polyval(joint.denominator, s)
+    )
 
 
 @pytest.mark.parametrize("name", DATA["listed"])
 @pytest.mark.parametrize("value", [-1.0, math.nan, math.inf])
 def test_a_datum_that_no_joint_has_is_named_with_its_bound(name, value):
-    with pytest.raises(ServoError, match=rf"{name} = {value}; must be 1e-12 to 1e\+12: take it from"):
+    with pytest.raises(
+        ServoError, match=rf"{name} = {value}; must be 1e-12 to 1e\+12: take it from"
+    ):
         TwoMass(**(DATA["listed"] | {name: value}))
 
 

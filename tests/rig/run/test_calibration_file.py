@@ -34,7 +34,9 @@ CALIBRATION = Calibration(
 def asking_for(calibration: str, *overrides: str) -> Experiment:
     """The move, with another calibration."""
     base = config.load("move", list(overrides))
-    return msgspec.structs.replace(base, vision=msgspec.structs.replace(base.vision, calibration=calibration))
+    return msgspec.structs.replace(
+        base, vision=msgspec.structs.replace(base.vision, calibration=calibration)
+    )
 
 
 def saved(path: Path, calibration: Calibration = CALIBRATION) -> str:
@@ -60,10 +62,14 @@ finite = st.floats(-1e4, 1e4)
 
 
 @given(
-    camera=st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\x7f"), max_size=12),
+    camera=st.text(
+        st.characters(exclude_categories=["Cs"], exclude_characters="\x7f"), max_size=12
+    ),
     pivot=st.tuples(finite, finite),
     scale=st.floats(0.1, 1e5),
-    rows=st.lists(st.tuples(finite, finite, finite), min_size=1, max_size=6, unique_by=lambda row: row[0]),
+    rows=st.lists(
+        st.tuples(finite, finite, finite), min_size=1, max_size=6, unique_by=lambda row: row[0]
+    ),
 )
 def test_any_name_and_any_numbers_survive_the_file_to_the_last_bit(
     tmp_path_factory: pytest.TempPathFactory,
@@ -92,7 +98,9 @@ def test_numbers_of_numpy_are_written_as_plain_numbers(tmp_path: Path) -> None:
         CALIBRATION, x_m=list(np.array(x_m)), seed=np.int64(1), pixels_per_m=np.float64(1005.0625)
     )
     name = saved(tmp_path, of_numpy)
-    assert calibration_file.find(asking_for(name))[1] == msgspec.structs.replace(CALIBRATION, x_m=x_m)
+    assert calibration_file.find(asking_for(name))[1] == msgspec.structs.replace(
+        CALIBRATION, x_m=x_m
+    )
 
 
 def test_saving_makes_the_folder_it_is_to_lie_in(tmp_path: Path) -> None:
@@ -123,17 +131,23 @@ def test_none_is_looked_for_when_none_is_needed(calibration: str, override: str)
 
 def test_a_missing_file_is_answered_with_how_to_make_one() -> None:
     text = refusal("nowhere.toml")
-    assert text.startswith("[vision] calibration = 'nowhere.toml': no such file; make one with `rig calibrate offsets`")
+    assert text.startswith(
+        "[vision] calibration = 'nowhere.toml': no such file; make one with `rig calibrate offsets`"
+    )
     assert config.shipped_calibrations()[-1] in text
 
 
 def test_with_none_shipped_the_word_shipped_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(config, "shipped_calibrations", list)
-    assert refusal("shipped") == ("[vision] calibration = 'shipped': none is shipped; make one with `rig calibrate offsets`")
+    assert refusal("shipped") == (
+        "[vision] calibration = 'shipped': none is shipped; make one with `rig calibrate offsets`"
+    )
 
 
 @pytest.mark.parametrize("override", ["camera.width=320", "camera.height=240"])
-def test_a_calibration_of_another_picture_size_is_refused_with_both_sizes(override: str, tmp_path: Path) -> None:
+def test_a_calibration_of_another_picture_size_is_refused_with_both_sizes(
+    override: str, tmp_path: Path
+) -> None:
     text = refusal(saved(tmp_path), override)
     key, _, size = override.partition("=")
     expected = (int(size), 480) if key.endswith("width") else (640, int(size))
@@ -144,18 +158,54 @@ def test_a_calibration_of_another_picture_size_is_refused_with_both_sizes(overri
     ("line", "instead", "expected"),
     [
         pytest.param("width = 640", "", "[calibration] width: missing; add it", id="a_missing_key"),
-        pytest.param("width = 640", 'width = "a"', "[calibration] width = 'a': expected `int`, got `str`", id="a_wrong_type"),
-        pytest.param("seed = 1", "seed = 1\nsed = 2", "[calibration] sed: unknown key, did you mean 'seed'?", id="unknown"),
-        pytest.param("pixels_per_m = 1005.0625", "pixels_per_m = 0", "[calibration] pixels_per_m = 0: ", id="no_scale"),
-        pytest.param("pixels_per_m = 1005.0625", "pixels_per_m = nan", "[calibration] pixels_per_m = nan", id="nan_scale"),
-        pytest.param("[320.25, -58.5]", "[nan, -58.5]", "[calibration.pivot_home_px] 0 = nan", id="nan_pivot"),
-        pytest.param("x_m = [-0.2, 0.0, 0.2]", "x_m = [-0.2, 0.2]", "2 positions and 3 offsets", id="uneven_lists"),
-        pytest.param("x_m = [-0.2, 0.0, 0.2]", "x_m = [0.2, 0.0, -0.2]", "must increase", id="falling_positions"),
-        pytest.param("[0.0035, 1e-06, -0.0035]", "[0.0035, nan, -0.0035]", "must be finite", id="nan_offset"),
+        pytest.param(
+            "width = 640",
+            'width = "a"',
+            "[calibration] width = 'a': expected `int`, got `str`",
+            id="a_wrong_type",
+        ),
+        pytest.param(
+            "seed = 1",
+            "seed = 1\nsed = 2",
+            "[calibration] sed: unknown key, did you mean 'seed'?",
+            id="unknown",
+        ),
+        pytest.param(
+            "pixels_per_m = 1005.0625",
+            "pixels_per_m = 0",
+            "[calibration] pixels_per_m = 0: ",
+            id="no_scale",
+        ),
+        pytest.param(
+            "pixels_per_m = 1005.0625",
+            "pixels_per_m = nan",
+            "[calibration] pixels_per_m = nan",
+            id="nan_scale",
+        ),
+        pytest.param(
+            "[320.25, -58.5]", "[nan, -58.5]", "[calibration.pivot_home_px] 0 = nan", id="nan_pivot"
+        ),
+        pytest.param(
+            "x_m = [-0.2, 0.0, 0.2]",
+            "x_m = [-0.2, 0.2]",
+            "2 positions and 3 offsets",
+            id="uneven_lists",
+        ),
+        pytest.param(
+            "x_m = [-0.2, 0.0, 0.2]",
+            "x_m = [0.2, 0.0, -0.2]",
+            "must increase",
+            id="falling_positions",
+        ),
+        pytest.param(
+            "[0.0035, 1e-06, -0.0035]", "[0.0035, nan, -0.0035]", "must be finite", id="nan_offset"
+        ),
         pytest.param('made = "', "made = ", "is not valid TOML", id="no_toml"),
     ],
 )
-def test_a_broken_file_is_refused_before_anything_starts(line: str, instead: str, expected: str, tmp_path: Path) -> None:
+def test_a_broken_file_is_refused_before_anything_starts(
+    line: str, instead: str, expected: str, tmp_path: Path
+) -> None:
     file = Path(saved(tmp_path))
     text = file.read_text()
     assert line in text

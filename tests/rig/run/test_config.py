@@ -17,7 +17,9 @@ from rig.run import config
 from rig.run.config import Experiment
 
 SMALLEST = '[experiment]\nname = "mine"\n'
-SECTIONS = "experiment, move, model, plan, limits, safety, camera, vision, links, network, record, bench"
+SECTIONS = (
+    "experiment, move, model, plan, limits, safety, camera, vision, links, network, record, bench"
+)
 LINKS = "reference, setpoint, joint_state, robot_state, platform, frame, angle"
 
 
@@ -50,7 +52,9 @@ def test_there_are_shipped_experiments() -> None:
 def test_the_smallest_file_is_a_name_and_everything_else_has_a_default(tmp_path: Path) -> None:
     file = tmp_path / "mine.toml"
     file.write_text(SMALLEST)
-    assert config.load(str(file), []) == Experiment(experiment=config.ExperimentSection(name="mine"))
+    assert config.load(str(file), []) == Experiment(
+        experiment=config.ExperimentSection(name="mine")
+    )
 
 
 def test_a_whole_number_is_good_where_a_decimal_is_meant() -> None:
@@ -181,19 +185,26 @@ def test_a_value_out_of_bounds_is_named_with_the_bound(key: str, value: float, b
     assert bound in text
 
 
-def bounded_numbers(kind: type[msgspec.Struct] = Experiment, path: tuple[str, ...] = ()) -> Iterator[str]:
+def bounded_numbers(
+    kind: type[msgspec.Struct] = Experiment, path: tuple[str, ...] = ()
+) -> Iterator[str]:
     """Keys of all numbers of the file."""
     for field in msgspec.structs.fields(kind):
         if isinstance(field.type, type) and issubclass(field.type, config.Section):
             yield from bounded_numbers(field.type, (*path, field.name))
-        elif isinstance(field.default, int | float) or field.name in ("speed_m_s", "acceleration_m_s2"):
+        elif isinstance(field.default, int | float) or field.name in (
+            "speed_m_s",
+            "acceleration_m_s2",
+        ):
             yield ".".join((*path, field.name))
 
 
 @pytest.mark.parametrize("key", list(bounded_numbers()))
 @pytest.mark.parametrize("value", ["nan", "inf", "-inf"])
 def test_no_number_of_the_file_may_be_endless_or_none(key: str, value: str) -> None:
-    assert said_of_override(f"{key}={value}").startswith(f"[{key.rpartition('.')[0]}] {key.rpartition('.')[2]} = {value}: ")
+    assert said_of_override(f"{key}={value}").startswith(
+        f"[{key.rpartition('.')[0]}] {key.rpartition('.')[2]} = {value}: "
+    )
 
 
 def test_the_table_of_numbers_is_not_empty() -> None:
@@ -227,7 +238,9 @@ def test_a_folder_is_no_experiment(tmp_path: Path) -> None:
         config.load(str(tmp_path), [])
 
 
-def test_a_file_that_cannot_be_read_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_that_cannot_be_read_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     file = tmp_path / "mine.toml"
     file.write_text(SMALLEST)
 
@@ -235,7 +248,9 @@ def test_a_file_that_cannot_be_read_says_so(tmp_path: Path, monkeypatch: pytest.
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr(Path, "read_text", locked)
-    with pytest.raises(ConfigError, match=r"mine\.toml' cannot be read: Permission denied; check the file"):
+    with pytest.raises(
+        ConfigError, match=r"mine\.toml' cannot be read: Permission denied; check the file"
+    ):
         config.load(str(file), [])
 
 
@@ -243,15 +258,35 @@ def test_a_file_that_cannot_be_read_says_so(tmp_path: Path, monkeypatch: pytest.
     ("override", "path", "value"),
     [
         pytest.param("move.distance_m=0.1", ("move", "distance_m"), 0.1, id="a_number"),
-        pytest.param("move.distance_m = 0.1", ("move", "distance_m"), 0.1, id="blanks_around_the_sign"),
-        pytest.param("experiment.planner=line", ("experiment", "planner"), "line", id="a_bare_word_is_a_string"),
-        pytest.param('experiment.planner="line"', ("experiment", "planner"), "line", id="a_quoted_word"),
-        pytest.param("experiment.purpose=a = b", ("experiment", "purpose"), "a = b", id="the_first_sign_splits"),
-        pytest.param("record.pictures_hz=0", ("record", "pictures_hz"), 0.0, id="a_section_the_file_has_not"),
-        pytest.param("vision.rough_pivot_px=[1, 2]", ("vision", "rough_pivot_px"), (1.0, 2.0), id="a_list"),
+        pytest.param(
+            "move.distance_m = 0.1", ("move", "distance_m"), 0.1, id="blanks_around_the_sign"
+        ),
+        pytest.param(
+            "experiment.planner=line",
+            ("experiment", "planner"),
+            "line",
+            id="a_bare_word_is_a_string",
+        ),
+        pytest.param(
+            'experiment.planner="line"', ("experiment", "planner"), "line", id="a_quoted_word"
+        ),
+        pytest.param(
+            "experiment.purpose=a = b",
+            ("experiment", "purpose"),
+            "a = b",
+            id="the_first_sign_splits",
+        ),
+        pytest.param(
+            "record.pictures_hz=0", ("record", "pictures_hz"), 0.0, id="a_section_the_file_has_not"
+        ),
+        pytest.param(
+            "vision.rough_pivot_px=[1, 2]", ("vision", "rough_pivot_px"), (1.0, 2.0), id="a_list"
+        ),
     ],
 )
-def test_an_override_wins_over_the_file(override: str, path: tuple[str, str], value: object) -> None:
+def test_an_override_wins_over_the_file(
+    override: str, path: tuple[str, str], value: object
+) -> None:
     got: Any = config.load("move", [override])
     for name in path:
         got = getattr(got, name)
@@ -259,7 +294,9 @@ def test_an_override_wins_over_the_file(override: str, path: tuple[str, str], va
 
 
 def test_overrides_make_links_and_reach_the_bench() -> None:
-    e = config.load("move", ["links.angle.loss=0.5", "bench.pendulum.length_m=0.7", "links.angle.loss=0.25"])
+    e = config.load(
+        "move", ["links.angle.loss=0.5", "bench.pendulum.length_m=0.7", "links.angle.loss=0.25"]
+    )
     assert e.links["angle"].loss == 0.25
     assert e.bench.pendulum["length_m"] == 0.7
 
@@ -269,18 +306,31 @@ def test_an_override_leaves_everything_else_as_it_was() -> None:
     assert msgspec.structs.replace(changed, move=plain.move) == plain
 
 
-@pytest.mark.parametrize("text", ["move.time_s", "=1", "time_s=1", "move=1", "move..time_s=1", ".time_s=1", ""])
+@pytest.mark.parametrize(
+    "text", ["move.time_s", "=1", "time_s=1", "move=1", "move..time_s=1", ".time_s=1", ""]
+)
 def test_an_override_that_is_none_is_answered_with_an_example(text: str) -> None:
-    assert said_of_override(text) == f"--set '{text}': must be section.key=value, for example --set move.distance_m=0.1"
+    assert (
+        said_of_override(text)
+        == f"--set '{text}': must be section.key=value, for example --set move.distance_m=0.1"
+    )
 
 
 def test_an_override_below_a_value_is_refused() -> None:
-    assert said_of_override("move.time_s.x=1") == "--set 'move.time_s.x=1': 'time_s' is a value, not a section"
+    assert (
+        said_of_override("move.time_s.x=1")
+        == "--set 'move.time_s.x=1': 'time_s' is a value, not a section"
+    )
 
 
 def test_an_override_is_checked_like_the_file() -> None:
-    assert said_of_override("move.tim_s=1").startswith("[move] tim_s: unknown key, did you mean 'time_s'?")
-    assert said_of_override("move.time_s=") == "[move] time_s = '': expected `float`, got `str`; change it to fit"
+    assert said_of_override("move.tim_s=1").startswith(
+        "[move] tim_s: unknown key, did you mean 'time_s'?"
+    )
+    assert (
+        said_of_override("move.time_s=")
+        == "[move] time_s = '': expected `float`, got `str`; change it to fit"
+    )
 
 
 def test_a_free_decay_moves_nothing_and_a_move_moves() -> None:
@@ -299,7 +349,9 @@ def places(tables: dict[str, Any], above: tuple[str, ...] = ()) -> Iterator[str]
 PLACES = sorted(places(msgspec.to_builtins(config.load("dropouts", []))))
 VALUES = st.one_of(
     st.recursive(
-        st.one_of(st.booleans(), st.integers(-(2**70), 2**70), st.floats(), st.text("abc", max_size=4)),
+        st.one_of(
+            st.booleans(), st.integers(-(2**70), 2**70), st.floats(), st.text("abc", max_size=4)
+        ),
         lambda inside: st.lists(inside, max_size=3),
         max_leaves=4,
     ).map(json.dumps),
@@ -310,14 +362,18 @@ VALUES = st.one_of(
 
 @settings(max_examples=60)
 @given(place=st.sampled_from(PLACES), tail=st.sampled_from(["", "", ".a", "x"]), value=VALUES)
-def test_whatever_stands_in_the_file_it_is_an_experiment_or_an_error_in_words(place: str, tail: str, value: str) -> None:
+def test_whatever_stands_in_the_file_it_is_an_experiment_or_an_error_in_words(
+    place: str, tail: str, value: str
+) -> None:
     key = place + tail
     got = outcome(f"{key}={value}")
     if isinstance(got, str):
         assert key.split(".")[0] in got
         assert len(got) > len(key) + 10
     else:
-        known = msgspec.structs.replace(got, bench=config.BenchSection())  # its tables are checked by the bench
+        known = msgspec.structs.replace(
+            got, bench=config.BenchSection()
+        )  # its tables are checked by the bench
         assert msgspec.json.decode(msgspec.json.encode(known), type=Experiment) == known
 
 

@@ -9,7 +9,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from comms.messages import Command, JointState, Message, Phase, Position, Reference, Reply, RobotState, Setpoint, Verb
+from comms.messages import (
+    Command,
+    JointState,
+    Message,
+    Phase,
+    Position,
+    Reference,
+    Reply,
+    RobotState,
+    Setpoint,
+    Verb,
+)
 from comms.task import NOTHING, Step
 from rig.run.tasks.controller.task import Controller, ControllerSettings, build
 
@@ -33,7 +44,9 @@ def joints(t_ns: int, position_m: Position = PARKED) -> JointState:
 
 def reference(x_m: float, t_target_ns: int) -> Reference:
     """A place along X."""
-    return Reference(seq=0, t_ns=t_target_ns, t_target_ns=t_target_ns, position_m=(x_m, 0.01, -0.02))
+    return Reference(
+        seq=0, t_ns=t_target_ns, t_target_ns=t_target_ns, position_m=(x_m, 0.01, -0.02)
+    )
 
 
 def tell(controller: Controller, message: Message, t_ns: int) -> Step:
@@ -100,7 +113,9 @@ def test_the_first_wake_is_the_next_instant_of_the_grid_of_the_run_clock(t_ns: i
 
 
 @given(lateness=st.lists(st.integers(0, 4 * TICK_NS), min_size=1, max_size=40))
-def test_however_late_it_wakes_it_asks_for_the_grid_and_counts_what_it_skipped(lateness: list[int]) -> None:
+def test_however_late_it_wakes_it_asks_for_the_grid_and_counts_what_it_skipped(
+    lateness: list[int],
+) -> None:
     controller = after(Verb.ARM)
     due_ns, served = T_START_NS, 0
     for late_ns in lateness:
@@ -144,7 +159,10 @@ def test_armed_it_ignores_references_and_started_too_until_t_start() -> None:
 def test_setpoints_leave_at_every_tick_and_the_state_at_every_other_one_to_both_listeners() -> None:
     steps = run(after(Verb.ARM), range(20))
     assert [len(setpoints(step)) for step in steps] == [1] * 20
-    channels = [[send.channel for send in step.sends if isinstance(send.message, RobotState)] for step in steps]
+    channels = [
+        [send.channel for send in step.sends if isinstance(send.message, RobotState)]
+        for step in steps
+    ]
     assert channels == [["robot_state", "platform"], []] * 10
 
 
@@ -152,7 +170,9 @@ def test_setpoints_and_states_are_counted_without_a_gap() -> None:
     steps = run(after(Verb.ARM), range(20))
     assert [s.seq for step in steps for s in setpoints(step)] == list(range(20))
     for channel in ("robot_state", "platform"):
-        counts = [send.message.seq for step in steps for send in step.sends if send.channel == channel]
+        counts = [
+            send.message.seq for step in steps for send in step.sends if send.channel == channel
+        ]
         assert counts == list(range(10))
 
 
@@ -169,7 +189,11 @@ def test_a_question_in_mid_move_changes_nothing() -> None:
 def test_the_state_says_what_is_commanded_and_what_the_encoders_read_and_when() -> None:
     controller = after(Verb.ARM)
     tell(controller, joints(T_START_NS - 3 * MS, (0.06, 0.0, 0.0)), T_START_NS)
-    (state, _) = [send.message for send in controller.on_tick(T_START_NS).sends if isinstance(send.message, RobotState)]
+    (state, _) = [
+        send.message
+        for send in controller.on_tick(T_START_NS).sends
+        if isinstance(send.message, RobotState)
+    ]
     assert (state.commanded_m, state.actual_m) == (PARKED, (0.06, 0.0, 0.0))
     assert (state.t_ns, state.t_actual_ns) == (T_START_NS, T_START_NS - 3 * MS)
     assert (state.actual_velocity_m_s, state.phase) == ((0.1, 0.2, 0.3), Phase.ARMED)
@@ -213,12 +237,16 @@ def test_arming_needs_encoders_heard_within_100_ms(age_ms: int, ok: bool) -> Non
         pytest.param([Verb.ARM, Verb.ESTOP], Verb.ARM, id="arm_after_estop"),
     ],
 )
-def test_an_order_that_does_not_fit_the_phase_is_refused_and_changes_nothing(history: list[Verb], verb: Verb) -> None:
+def test_an_order_that_does_not_fit_the_phase_is_refused_and_changes_nothing(
+    history: list[Verb], verb: Verb
+) -> None:
     controller, untouched = after(*history), after(*history)
     (reply,) = replies(tell(controller, order(verb), T_START_NS))
     assert not reply.ok
     assert f"{verb.value} refused: {reply.phase.value}; must be" in reply.text
-    assert xs(run(controller, range(12), lambda k: 0.06)) == xs(run(untouched, range(12), lambda k: 0.06))
+    assert xs(run(controller, range(12), lambda k: 0.06)) == xs(
+        run(untouched, range(12), lambda k: 0.06)
+    )
 
 
 def test_only_the_newest_reference_counts_whatever_the_order_of_arrival() -> None:
@@ -229,7 +257,13 @@ def test_only_the_newest_reference_counts_whatever_the_order_of_arrival() -> Non
 
 
 def test_a_hole_in_the_references_is_held_and_then_caught_up() -> None:
-    got = xs(run(after(Verb.ARM, Verb.START), range(42), lambda k: 0.05 if k < 12 else 0.056 if k >= 30 else None))
+    got = xs(
+        run(
+            after(Verb.ARM, Verb.START),
+            range(42),
+            lambda k: 0.05 if k < 12 else 0.056 if k >= 30 else None,
+        )
+    )
     assert got[:30] == [pytest.approx(0.05)] * 30
     assert got[30:36] == [pytest.approx(0.05 + 0.001 * k) for k in range(1, 7)]
 
@@ -265,7 +299,10 @@ def test_silent_encoders_are_a_fault_after_100_ms(verbs: tuple[Verb, ...]) -> No
     ((k, told),) = [(k, r) for k, step in enumerate(steps) for r in replies(step)]
     assert k == 21
     assert (told.id, told.ok, told.exit, told.phase) == (0, False, 5, Phase.FAULT)
-    assert told.text == "no joint state for 105 ms; must be <= 100 ms (safety.robot_stale_ms): is the bench running?"
+    assert (
+        told.text
+        == "no joint state for 105 ms; must be <= 100 ms (safety.robot_stale_ms): is the bench running?"
+    )
     assert len(set(xs(steps[k:]))) == 1, "the setpoint stays where it is"
 
 
@@ -274,7 +311,9 @@ def test_silent_encoders_before_arming_are_nobodys_fault_yet() -> None:
 
 
 @pytest.mark.parametrize(("verb", "phase"), [(Verb.STOP, Phase.STOPPED), (Verb.ESTOP, Phase.FAULT)])
-def test_a_stop_in_mid_window_freezes_the_setpoint_at_once_and_for_good(verb: Verb, phase: Phase) -> None:
+def test_a_stop_in_mid_window_freezes_the_setpoint_at_once_and_for_good(
+    verb: Verb, phase: Phase
+) -> None:
     controller = after(Verb.ARM, Verb.START)
     before = xs(run(controller, range(3), lambda k: 0.056))
     (reply,) = replies(tell(controller, order(verb), T_START_NS + 11 * MS))
@@ -305,7 +344,9 @@ def test_the_last_call_sends_nothing_and_leaves_the_robot_stopped() -> None:
 
 
 @given(st.lists(st.one_of(st.none(), st.floats(-0.25, 0.25)), min_size=1, max_size=60))
-def test_no_setpoint_steps_farther_than_a_sixth_of_what_the_references_span(places: list[float | None]) -> None:
+def test_no_setpoint_steps_farther_than_a_sixth_of_what_the_references_span(
+    places: list[float | None],
+) -> None:
     got = xs(run(after(Verb.ARM, Verb.START), range(len(places)), lambda k: places[k]))
     known = [0.05, *(x for x in places if x is not None)]
     span = max(known) - min(known)

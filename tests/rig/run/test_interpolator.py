@@ -69,7 +69,9 @@ def test_of_three_references_in_a_window_only_the_newest_becomes_the_goal() -> N
     run(interpolator, ticks(0, 5), HOME)
     for newest in (at(0.01), at(0.02)):  # both superseded before the next window latches
         run(interpolator, ticks(5, 5), newest)
-    np.testing.assert_allclose(run(interpolator, ticks(6, 11), at(0.03)), np.linspace(0.005, 0.03, 6), rtol=1e-12)
+    np.testing.assert_allclose(
+        run(interpolator, ticks(6, 11), at(0.03)), np.linspace(0.005, 0.03, 6), rtol=1e-12
+    )
 
 
 def test_a_dropout_of_100_ms_holds_and_then_catches_up_in_one_window() -> None:
@@ -78,7 +80,9 @@ def test_a_dropout_of_100_ms_holds_and_then_catches_up_in_one_window() -> None:
     run(interpolator, ticks(0, 5), at(0.006))
     held = run(interpolator, ticks(6, 29), at(0.006))
     np.testing.assert_allclose(held, 0.006, rtol=1e-12)
-    np.testing.assert_allclose(run(interpolator, ticks(30, 35), at(0.036)), np.linspace(0.011, 0.036, 6), rtol=1e-12)
+    np.testing.assert_allclose(
+        run(interpolator, ticks(30, 35), at(0.036)), np.linspace(0.011, 0.036, 6), rtol=1e-12
+    )
 
 
 def test_skipped_ticks_leave_the_later_setpoints_as_they_were() -> None:
@@ -95,7 +99,9 @@ def test_a_skipped_window_start_still_latches_at_the_next_tick() -> None:
 
 
 @given(st.lists(st.floats(-0.25, 0.25), min_size=1, max_size=12))
-def test_setpoints_never_leave_the_span_of_the_references_and_never_step_more_than_a_sixth(goals: list[float]) -> None:
+def test_setpoints_never_leave_the_span_of_the_references_and_never_step_more_than_a_sixth(
+    goals: list[float],
+) -> None:
     interpolator = Interpolator(T_START_NS, HOME)
     reached = 0.0
     for window, goal in enumerate(goals):

@@ -6,7 +6,16 @@ import pytest
 
 from comms.messages import Command, Phase, Reply, RobotState, Verb
 from comms.task import NOTHING, Step
-from rig.run.tasks.operator import ANSWER_NS, CONNECT_NS, GRID_NS, LEAD_NS, MOVERS, RETRY_NS, Operator, Stage
+from rig.run.tasks.operator import (
+    ANSWER_NS,
+    CONNECT_NS,
+    GRID_NS,
+    LEAD_NS,
+    MOVERS,
+    RETRY_NS,
+    Operator,
+    Stage,
+)
 
 MS = 1_000_000
 S = 1_000 * MS
@@ -48,7 +57,14 @@ class Hand:
         self.t_ns = t_ns
         return self.do(self.operator.on_tick(t_ns))
 
-    def reply(self, sender: str, ok: bool = True, text: str = "", exit: int | None = None, id: int | None = None) -> Step:
+    def reply(
+        self,
+        sender: str,
+        ok: bool = True,
+        text: str = "",
+        exit: int | None = None,
+        id: int | None = None,
+    ) -> Step:
         """An answer to the last order, or with id 0 news."""
         message = Reply(
             seq=0,
@@ -87,18 +103,29 @@ def test_a_good_run_connects_arms_starts_watches_and_closes() -> None:
     starting = hand.all_reply()
     assert said(starting) == to_all(Verb.START)
     t_start_ns = orders(starting)[0].t_start_ns
-    assert {order.t_start_ns for order in orders(starting)} == {t_start_ns, hand.operator.t_start_ns}
-    assert [event.text for event in hand.operator.events] == [f"armed; t_start = {t_start_ns * 1e-9:.3f} s"]
+    assert {order.t_start_ns for order in orders(starting)} == {
+        t_start_ns,
+        hand.operator.t_start_ns,
+    }
+    assert [event.text for event in hand.operator.events] == [
+        f"armed; t_start = {t_start_ns * 1e-9:.3f} s"
+    ]
     running = hand.all_reply()
     assert (hand.operator.stage, running.wake_ns) == (Stage.RUNNING, t_start_ns + DURATION_NS)
     assert hand.tick(t_start_ns + DURATION_NS - 1) == Step(wake_ns=t_start_ns + DURATION_NS)
     closing = hand.tick(t_start_ns + DURATION_NS)
     assert (said(closing), closing.exit) == (to_all(Verb.CLOSE), 0)
-    assert (hand.operator.stage, hand.operator.exit_code, hand.operator.reasons) == (Stage.CLOSED, 0, [])
+    assert (hand.operator.stage, hand.operator.exit_code, hand.operator.reasons) == (
+        Stage.CLOSED,
+        0,
+        [],
+    )
 
 
 @pytest.mark.parametrize("t_ns", [0, 1, 40 * MS, 59 * MS + 999_999, 60 * MS, 12_345_678_901])
-def test_t_start_lies_at_least_half_a_second_ahead_on_a_common_multiple_of_all_periods(t_ns: int) -> None:
+def test_t_start_lies_at_least_half_a_second_ahead_on_a_common_multiple_of_all_periods(
+    t_ns: int,
+) -> None:
     hand = Hand().until(Stage.ARMING)
     hand.t_ns = t_ns
     hand.all_reply()
@@ -125,7 +152,10 @@ def test_while_connecting_it_asks_again_only_those_who_have_not_answered() -> No
     hand.operator.start(0)
     assert hand.tick(0).wake_ns == RETRY_NS
     hand.all_reply(("bench", "vision"))
-    assert sorted(said(hand.tick(RETRY_NS))) == [(Verb.STATUS, "controller"), (Verb.STATUS, "streamer")]
+    assert sorted(said(hand.tick(RETRY_NS))) == [
+        (Verb.STATUS, "controller"),
+        (Verb.STATUS, "streamer"),
+    ]
 
 
 def test_an_answer_slower_than_the_retry_is_still_an_answer() -> None:
@@ -166,11 +196,16 @@ def test_orders_are_counted_and_those_of_one_round_share_an_id() -> None:
         pytest.param(3, 3, Verb.STOP, id="a_refusal_with_a_code_ends_with_it"),
     ],
 )
-def test_a_refused_order_stops_the_movers_and_says_why(stage: Stage, exit: int | None, code: int, verb: Verb) -> None:
+def test_a_refused_order_stops_the_movers_and_says_why(
+    stage: Stage, exit: int | None, code: int, verb: Verb
+) -> None:
     hand = Hand().until(stage)
     step = hand.reply("streamer", ok=False, text="the robot stands elsewhere", exit=exit)
     assert said(step) == to_all(verb, ("controller", "streamer"))
-    assert (hand.operator.exit_code, hand.operator.reasons) == (code, ["streamer: the robot stands elsewhere"])
+    assert (hand.operator.exit_code, hand.operator.reasons) == (
+        code,
+        ["streamer: the robot stands elsewhere"],
+    )
     assert (said(hand.all_reply(MOVERS)), hand.operator.stage) == (to_all(Verb.CLOSE), Stage.CLOSED)
 
 
@@ -188,7 +223,9 @@ def test_who_never_answers_is_named_with_the_last_word_heard() -> None:
     assert hand.operator.stage is Stage.CONNECTING
     assert said(hand.tick(CONNECT_NS)) == to_all(Verb.ESTOP, ("controller", "streamer"))
     assert hand.operator.exit_code == 5
-    assert hand.operator.reasons == ["connecting: no answer in time from controller (encoders are silent), streamer"]
+    assert hand.operator.reasons == [
+        "connecting: no answer in time from controller (encoders are silent), streamer"
+    ]
 
 
 def test_the_time_to_connect_counts_from_the_first_question() -> None:
@@ -205,7 +242,9 @@ def test_an_order_nobody_answers_in_two_seconds_ends_the_run(stage: Stage) -> No
     hand = Hand().until(stage)
     assert hand.tick(ANSWER_NS - 1) == Step(wake_ns=ANSWER_NS)
     assert said(hand.tick(ANSWER_NS)) == to_all(Verb.ESTOP, ("controller", "streamer"))
-    assert hand.operator.reasons == [f"{stage.value}: no answer in time from bench, controller, streamer, vision"]
+    assert hand.operator.reasons == [
+        f"{stage.value}: no answer in time from bench, controller, streamer, vision"
+    ]
 
 
 def test_movers_that_do_not_answer_a_stop_are_closed_all_the_same() -> None:
@@ -223,7 +262,9 @@ def test_a_stop_goes_to_both_movers_in_any_stage_and_the_run_closes_when_both_ob
     stage: Stage, code: int, verb: Verb
 ) -> None:
     hand = Hand().until(stage)
-    assert said(hand.do(hand.operator.end("enough", code, hand.t_ns))) == to_all(verb, ("controller", "streamer"))
+    assert said(hand.do(hand.operator.end("enough", code, hand.t_ns))) == to_all(
+        verb, ("controller", "streamer")
+    )
     assert hand.reply("controller") == NOTHING
     closing = hand.reply("streamer")
     assert (said(closing), closing.exit) == (to_all(Verb.CLOSE), code)
@@ -240,7 +281,9 @@ def test_a_second_stop_while_stopping_changes_nothing() -> None:
 def test_an_emergency_while_stopping_in_order_still_goes_out_and_makes_the_exit_code() -> None:
     hand = Hand().until(Stage.RUNNING)
     hand.operator.end("stop from another terminal", 4, 0)
-    assert said(hand.operator.end("estop from another terminal", 5, 1)) == to_all(Verb.ESTOP, ("controller", "streamer"))
+    assert said(hand.operator.end("estop from another terminal", 5, 1)) == to_all(
+        Verb.ESTOP, ("controller", "streamer")
+    )
     assert hand.operator.end("estop from another terminal", 5, 2) == NOTHING
     assert hand.operator.exit_code == 5
     assert hand.operator.reasons == ["stop from another terminal", "estop from another terminal"]
@@ -274,7 +317,9 @@ def test_a_lost_task_stops_the_movers_that_are_left_and_nobody_waits_for_it(gone
     hand = Hand().until(Stage.RUNNING)
     left = tuple(task for task in TASKS if task != gone)
     movers = tuple(task for task in left if task in MOVERS)
-    assert said(hand.do(hand.operator.lost(gone, f"task '{gone}' died", 0))) == to_all(Verb.ESTOP, movers)
+    assert said(hand.do(hand.operator.lost(gone, f"task '{gone}' died", 0))) == to_all(
+        Verb.ESTOP, movers
+    )
     assert said(hand.all_reply(movers)) == to_all(Verb.CLOSE, left)
     assert (hand.operator.exit_code, hand.operator.reasons) == (5, [f"task '{gone}' died"])
 
@@ -282,7 +327,9 @@ def test_a_lost_task_stops_the_movers_that_are_left_and_nobody_waits_for_it(gone
 def test_with_both_movers_lost_the_run_closes_without_waiting() -> None:
     hand = Hand().until(Stage.RUNNING)
     hand.operator.lost("controller", "task 'controller' died", 0)
-    assert said(hand.operator.lost("streamer", "task 'streamer' died", 1)) == to_all(Verb.CLOSE, ("bench", "vision"))
+    assert said(hand.operator.lost("streamer", "task 'streamer' died", 1)) == to_all(
+        Verb.CLOSE, ("bench", "vision")
+    )
 
 
 def test_the_last_mover_awaited_may_die_while_stopping() -> None:
@@ -331,7 +378,13 @@ def test_a_stop_of_the_operator_is_a_warning_and_a_fault_an_error() -> None:
 def test_a_message_that_is_no_reply_is_ignored() -> None:
     place = (0.0, 0.0, 0.0)
     state = RobotState(
-        seq=0, t_ns=0, t_actual_ns=0, commanded_m=place, actual_m=place, actual_velocity_m_s=place, phase=Phase.FAULT
+        seq=0,
+        t_ns=0,
+        t_actual_ns=0,
+        commanded_m=place,
+        actual_m=place,
+        actual_velocity_m_s=place,
+        phase=Phase.FAULT,
     )
     assert Hand().operator.on_message("robot_state", state, 0) == NOTHING
 

@@ -6,7 +6,19 @@ import msgspec
 import numpy as np
 import pytest
 
-from comms.messages import AngleSample, Command, Frame, JointState, Phase, Reason, Reference, RobotState, Setpoint, Truth, Verb
+from comms.messages import (
+    AngleSample,
+    Command,
+    Frame,
+    JointState,
+    Phase,
+    Reason,
+    Reference,
+    RobotState,
+    Setpoint,
+    Truth,
+    Verb,
+)
 from rig.analysis.analyze import Analysis
 from rig.run import config, experiment
 from rig.run.config import Experiment
@@ -39,7 +51,13 @@ def resting(seq, t_ns, x_m=0.0, cls=RobotState):
     if cls is JointState:
         return JointState(seq=seq, t_ns=t_ns, position_m=place, velocity_m_s=still)
     return RobotState(
-        seq=seq, t_ns=t_ns, t_actual_ns=t_ns, commanded_m=place, actual_m=place, actual_velocity_m_s=still, phase=Phase.IDLE
+        seq=seq,
+        t_ns=t_ns,
+        t_actual_ns=t_ns,
+        commanded_m=place,
+        actual_m=place,
+        actual_velocity_m_s=still,
+        phase=Phase.IDLE,
     )
 
 
@@ -70,7 +88,9 @@ def test_every_task_is_told_what_it_needs_and_no_task_but_the_bench_is_told_the_
     told = {name: msgspec.json.encode(settings).decode() for name, settings in job.settings.items()}
     assert set(told) == {"bench", "controller", "vision", "streamer"}
     assert "0.98" in told["bench"]
-    assert not any("0.98" in words or "pitch" in words for name, words in told.items() if name != "bench")
+    assert not any(
+        "0.98" in words or "pitch" in words for name, words in told.items() if name != "bench"
+    )
 
 
 # 4 streamer
@@ -134,7 +154,9 @@ def test_the_controller_turns_a_reference_into_six_even_setpoints():
 
 
 def test_the_bench_moves_pushes_the_load_back_and_shows_it():
-    world = bench.task(prepare(loaded(), plan_move(loaded()), bench.plant(loaded())).settings["bench"])
+    world = bench.task(
+        prepare(loaded(), plan_move(loaded()), bench.plant(loaded())).settings["bench"]
+    )
     world.start(0)
     world.on_message("setpoint", Setpoint(seq=0, t_ns=3 * MS, position_m=(0.01, 0.0, 0.0)), 3 * MS)
     sends = [send for t in range(5, 205, 5) for send in world.on_tick(t * MS).sends]
@@ -169,7 +191,9 @@ def test_the_tracker_sees_what_the_camera_shows_at_the_instant_it_says():
     stamps = sorted(truth)
     expected = np.interp([a.t_valid_ns for a in angles], stamps, [truth[t] for t in stamps])
     assert all(a.valid for a in angles)
-    assert np.array([a.angle_rad for a in angles]) == pytest.approx(expected, abs=0.4e-3)  # 1 degree of pitch: 0.5 % of gain
+    assert np.array([a.angle_rad for a in angles]) == pytest.approx(
+        expected, abs=0.4e-3
+    )  # 1 degree of pitch: 0.5 % of gain
 
 
 # 8 recorder -> analysis
@@ -185,7 +209,10 @@ def test_what_the_recorder_writes_the_analysis_reads(tmp_path):
     run = Analysis(tmp_path / LOG).run
     assert run.t_start_s == pytest.approx(0.06)
     assert run.angles == [seen(0, 7, 0.01)]
-    assert msgspec.json.decode(run.log.attachments["experiment.json"], type=Experiment) == job.experiment
+    assert (
+        msgspec.json.decode(run.log.attachments["experiment.json"], type=Experiment)
+        == job.experiment
+    )
 
 
 # the whole loop
@@ -202,8 +229,14 @@ def quietly(*_):
 
 
 def test_the_loop_ends_well_and_every_packet_is_accounted_for(whole):
-    assert (whole.summary.exit_status, whole.summary.verdict, whole.summary.reasons) == ("ok", "good", [])
-    assert {name: row.unexplained for name, row in whole.summary.links.items()} == dict.fromkeys(whole.summary.links, 0)
+    assert (whole.summary.exit_status, whole.summary.verdict, whole.summary.reasons) == (
+        "ok",
+        "good",
+        [],
+    )
+    assert {name: row.unexplained for name, row in whole.summary.links.items()} == dict.fromkeys(
+        whole.summary.links, 0
+    )
     assert len(whole.summary.links) == 8
     assert whole.summary.lateness.references_late == 0
 
@@ -211,7 +244,9 @@ def test_the_loop_ends_well_and_every_packet_is_accounted_for(whole):
 def test_the_loop_finds_the_two_centimetres_the_planner_did_not_know(whole):
     length, sigma = whole.summary.measured.cable_length_m, whole.summary.sigma.cable_length_m
     assert length == pytest.approx(0.98, abs=max(5 * sigma, 1e-4))
-    assert whole.summary.measured.residual_swing_rad == pytest.approx(whole.summary.truth.residual_swing_rad, rel=0.02)
+    assert whole.summary.measured.residual_swing_rad == pytest.approx(
+        whole.summary.truth.residual_swing_rad, rel=0.02
+    )
 
 
 def test_the_measured_swing_is_true_at_its_stamps_without_any_fitted_delay(whole):
@@ -220,12 +255,16 @@ def test_the_measured_swing_is_true_at_its_stamps_without_any_fitted_delay(whole
 
 
 def test_the_latencies_are_those_of_the_source_rig(whole):
-    assert whole.summary.latency_ms.vision == pytest.approx(35.0, abs=0.1)  # 5 exposure + 8 link + 2 processing + 20 average
+    assert whole.summary.latency_ms.vision == pytest.approx(
+        35.0, abs=0.1
+    )  # 5 exposure + 8 link + 2 processing + 20 average
     assert 50 < whole.summary.latency_ms.command < 70
 
 
 def test_a_plan_that_believes_the_truth_leaves_the_load_nearly_still(tmp_path):
-    ran = experiment.run(loaded("bench.pendulum.length_m=1.0"), "virtual", tmp_path, quietly, quietly)
+    ran = experiment.run(
+        loaded("bench.pendulum.length_m=1.0"), "virtual", tmp_path, quietly, quietly
+    )
     assert Analysis(ran.folder / LOG).summary.truth.residual_swing_rad < 0.6e-3
 
 

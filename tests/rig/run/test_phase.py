@@ -31,7 +31,9 @@ def test_the_table_names_every_pair_of_phase_and_happening_once() -> None:
 
 
 @pytest.mark.parametrize(("phase", "happening", "after"), TRANSITIONS)
-def test_a_phase_is_followed_by_the_one_in_the_table(phase: Phase, happening: Happening, after: Phase) -> None:
+def test_a_phase_is_followed_by_the_one_in_the_table(
+    phase: Phase, happening: Happening, after: Phase
+) -> None:
     assert next_phase(phase, happening) is after
 
 
@@ -59,14 +61,19 @@ def test_nothing_that_happens_after_a_stop_makes_the_robot_run_again() -> None:
 
 
 @pytest.mark.parametrize(("phase", "verb"), list(product(Phase, Verb)))
-def test_arm_and_start_are_taken_only_where_they_change_something_or_repeat_it(phase: Phase, verb: Verb) -> None:
+def test_arm_and_start_are_taken_only_where_they_change_something_or_repeat_it(
+    phase: Phase, verb: Verb
+) -> None:
     allowed = {Verb.ARM: {Phase.IDLE, Phase.ARMED}, Verb.START: {Phase.ARMED}}.get(verb, set(Phase))
     why = refusal(phase, verb)
     assert (why is None) == (phase in allowed)
 
 
 def test_a_refusal_names_order_phase_and_bound() -> None:
-    assert refusal(Phase.STOPPED, Verb.START) == "start refused: stopped; must be armed: end this run and start a new one"
+    assert (
+        refusal(Phase.STOPPED, Verb.START)
+        == "start refused: stopped; must be armed: end this run and start a new one"
+    )
 
 
 @pytest.mark.parametrize("verb", [Verb.STOP, Verb.ESTOP])

@@ -15,7 +15,14 @@ from rig.run.tasks.safety import Envelope, Gate
 
 MS = 1_000_000
 PERIOD_S = 0.01
-BOUNDS = Envelope(position_min_m=-0.25, position_max_m=0.25, depth_m=0.25, height_m=0.25, speed_m_s=1.0, acceleration_m_s2=5.0)
+BOUNDS = Envelope(
+    position_min_m=-0.25,
+    position_max_m=0.25,
+    depth_m=0.25,
+    height_m=0.25,
+    speed_m_s=1.0,
+    acceleration_m_s2=5.0,
+)
 
 
 def along_x(*places_m: float) -> list[Position]:
@@ -23,10 +30,14 @@ def along_x(*places_m: float) -> list[Position]:
     return [(x, 0.0, 0.0) for x in places_m]
 
 
-def first_refusal(envelope: Envelope, positions: list[Position], period_ns: int = 10 * MS) -> str | None:
+def first_refusal(
+    envelope: Envelope, positions: list[Position], period_ns: int = 10 * MS
+) -> str | None:
     """What the gate says first about references on an even grid."""
     gate = Gate(envelope)
-    return next((said for k, p in enumerate(positions) if (said := gate.refusal(k * period_ns, p))), None)
+    return next(
+        (said for k, p in enumerate(positions) if (said := gate.refusal(k * period_ns, p))), None
+    )
 
 
 def speeding_up(acceleration_m_s2: float, top_m_s: float, from_m: float = -0.2) -> list[Position]:
@@ -51,7 +62,9 @@ INTRUDERS = {
 
 def without(bound: str) -> Envelope:
     """The envelope with one bound dropped."""
-    return msgspec.structs.replace(BOUNDS, **{bound: -math.inf if bound == "position_min_m" else math.inf})
+    return msgspec.structs.replace(
+        BOUNDS, **{bound: -math.inf if bound == "position_min_m" else math.inf}
+    )
 
 
 @pytest.mark.parametrize("bound", INTRUDERS)
@@ -110,13 +123,18 @@ def test_what_keeps_to_the_bounds_passes(positions: list[Position]) -> None:
 
 
 def test_speed_counts_over_all_axes_together() -> None:
-    slow_each = [(0.006 * k, 0.006 * k, 0.006 * k) for k in range(5)]  # 0.6 m/s an axis, 1.04 m/s in space
+    slow_each = [
+        (0.006 * k, 0.006 * k, 0.006 * k) for k in range(5)
+    ]  # 0.6 m/s an axis, 1.04 m/s in space
     calm = msgspec.structs.replace(BOUNDS, acceleration_m_s2=1000.0)
     assert first_refusal(calm, slow_each) == "speed 1.039 m/s; must be <= 1.000 m/s"
 
 
 def test_the_first_step_is_judged_from_standstill() -> None:
-    assert first_refusal(BOUNDS, along_x(0.0, 0.0006)) == "acceleration 6.00 m/s2; must be <= 5.00 m/s2"
+    assert (
+        first_refusal(BOUNDS, along_x(0.0, 0.0006))
+        == "acceleration 6.00 m/s2; must be <= 5.00 m/s2"
+    )
 
 
 def test_braking_harder_than_the_bound_is_refused() -> None:
@@ -164,7 +182,9 @@ def test_a_refused_reference_leaves_no_trace_in_the_gate() -> None:
     st.lists(st.tuples(st.integers(1, 60), *[st.floats(-0.3, 0.3)] * 3), min_size=2, max_size=40),
     st.sampled_from([1e-3, 1e-2, 1.0]),
 )
-def test_whatever_is_let_through_keeps_to_every_bound(walk: list[tuple[int, float, float, float]], scale: float) -> None:
+def test_whatever_is_let_through_keeps_to_every_bound(
+    walk: list[tuple[int, float, float, float]], scale: float
+) -> None:
     gate, t_ns = Gate(BOUNDS), 0
     passed: list[tuple[float, np.ndarray]] = []
     for ticks, *place in walk:

@@ -9,7 +9,18 @@ import msgspec
 import numpy as np
 import pytest
 
-from comms.messages import AngleSample, Command, Message, Phase, Position, Reason, Reference, Reply, RobotState, Verb
+from comms.messages import (
+    AngleSample,
+    Command,
+    Message,
+    Phase,
+    Position,
+    Reason,
+    Reference,
+    Reply,
+    RobotState,
+    Verb,
+)
 from comms.task import NOTHING, Step
 from rig.run.tasks.safety import Envelope
 from rig.run.tasks.streamer import PERIOD_NS, Streamer, StreamerSettings, build
@@ -30,7 +41,9 @@ PLAN = smooth_plan()
 SETTINGS = StreamerSettings(
     positions_m=PLAN,
     move_ticks=(QUIET_TICKS, QUIET_TICKS + MOVE_TICKS),
-    envelope=Envelope(position_min_m=-0.25, position_max_m=0.25, speed_m_s=1.1, acceleration_m_s2=5.5),
+    envelope=Envelope(
+        position_min_m=-0.25, position_max_m=0.25, speed_m_s=1.1, acceleration_m_s2=5.5
+    ),
     angle_stale_ns=0,
     natural_frequency_rad_s=OMEGA_RAD_S,
     initial_swing_rad=0.01,
@@ -47,7 +60,13 @@ def robot_at(x_m: float, t_ns: int = 0) -> RobotState:
     """The robot at rest."""
     here, still = (x_m, 0.0, 0.0), (0.0, 0.0, 0.0)
     return RobotState(
-        seq=0, t_ns=t_ns, t_actual_ns=t_ns, commanded_m=here, actual_m=here, actual_velocity_m_s=still, phase=Phase.ARMED
+        seq=0,
+        t_ns=t_ns,
+        t_actual_ns=t_ns,
+        commanded_m=here,
+        actual_m=here,
+        actual_velocity_m_s=still,
+        phase=Phase.ARMED,
     )
 
 
@@ -118,7 +137,9 @@ def see(streamer: Streamer, ticks: range, amplitude_rad: float) -> list[Step]:
 
 
 def test_every_tick_sends_the_plan_at_that_tick_with_its_target_time() -> None:
-    sent = [reference for step in play(started(), range(len(PLAN))) for reference in references(step)]
+    sent = [
+        reference for step in play(started(), range(len(PLAN))) for reference in references(step)
+    ]
     assert [r.position_m for r in sent] == PLAN
     assert [r.t_target_ns for r in sent] == [T_START_NS + k * PERIOD_NS for k in range(len(PLAN))]
     assert [r.seq for r in sent] == list(range(len(PLAN)))
@@ -129,7 +150,10 @@ def test_a_streamer_that_wakes_late_still_sends_the_scheduled_position_and_keeps
     for k, step in enumerate(play(started(), range(len(PLAN)), late_ns)):
         (reference,) = references(step)
         assert reference.position_m == PLAN[k]
-        assert (reference.t_target_ns, reference.t_ns) == (T_START_NS + k * PERIOD_NS, T_START_NS + k * PERIOD_NS + late_ns)
+        assert (reference.t_target_ns, reference.t_ns) == (
+            T_START_NS + k * PERIOD_NS,
+            T_START_NS + k * PERIOD_NS + late_ns,
+        )
         assert step.wake_ns == T_START_NS + (k + 1) * PERIOD_NS
 
 
@@ -148,7 +172,9 @@ def test_a_wake_before_its_time_sends_nothing_and_asks_again() -> None:
     streamer = started()
     assert streamer.on_tick(T_START_NS - 1) == Step(wake_ns=T_START_NS)
     play(streamer, range(5))
-    assert streamer.on_tick(T_START_NS + 4 * PERIOD_NS + 1) == Step(wake_ns=T_START_NS + 5 * PERIOD_NS)
+    assert streamer.on_tick(T_START_NS + 4 * PERIOD_NS + 1) == Step(
+        wake_ns=T_START_NS + 5 * PERIOD_NS
+    )
     assert streamer.late_ticks == 0
 
 
@@ -170,7 +196,9 @@ def test_start_asks_to_be_woken_at_t_start_and_nothing_leaves_before() -> None:
     assert references(step) == []
 
 
-def start_with(state: RobotState | None, t_state_ns: int = 0, t_ns: int = 0, plan: list[Position] = PLAN) -> Reply:
+def start_with(
+    state: RobotState | None, t_state_ns: int = 0, t_ns: int = 0, plan: list[Position] = PLAN
+) -> Reply:
     """The answer to START of a streamer that heard this state."""
     streamer = Streamer(msgspec.structs.replace(SETTINGS, positions_m=plan))
     if state is not None:
@@ -190,7 +218,9 @@ def test_start_is_taken_with_the_robot_within_two_millimetres(x_m: float) -> Non
 
 
 @pytest.mark.parametrize("x_m", [0.0021, -0.0021, 0.1])
-def test_start_is_refused_with_the_robot_elsewhere_and_names_both_places_and_the_bound(x_m: float) -> None:
+def test_start_is_refused_with_the_robot_elsewhere_and_names_both_places_and_the_bound(
+    x_m: float,
+) -> None:
     reply = start_with(robot_at(x_m))
     assert (reply.ok, reply.exit, reply.phase) == (False, 3, Phase.ARMED)
     assert reply.text == (
@@ -266,7 +296,9 @@ def test_a_streamer_that_sleeps_through_the_quiet_time_does_not_jump_into_the_pl
         pytest.param([Verb.ARM, Verb.ESTOP], Verb.ARM, id="arm_after_estop"),
     ],
 )
-def test_an_order_that_does_not_fit_the_phase_is_refused_with_its_id(history: list[Verb], verb: Verb) -> None:
+def test_an_order_that_does_not_fit_the_phase_is_refused_with_its_id(
+    history: list[Verb], verb: Verb
+) -> None:
     streamer = Streamer(SETTINGS)
     tell(streamer, robot_at(0.0), 0)
     for earlier in history:
@@ -299,7 +331,9 @@ def test_held_references_still_carry_new_counts_and_target_times() -> None:
     play(streamer, range(3))
     tell(streamer, order(Verb.STOP), T_START_NS + 25 * MS)
     sent = [references(step)[0] for step in play(streamer, range(3, 6))]
-    assert [(r.seq, r.t_target_ns) for r in sent] == [(k, T_START_NS + k * PERIOD_NS) for k in (3, 4, 5)]
+    assert [(r.seq, r.t_target_ns) for r in sent] == [
+        (k, T_START_NS + k * PERIOD_NS) for k in (3, 4, 5)
+    ]
 
 
 @pytest.mark.parametrize("verb", [Verb.STOP, Verb.ESTOP])
@@ -320,7 +354,9 @@ def test_status_is_answered_in_any_phase_and_replies_are_counted() -> None:
     streamer = Streamer(SETTINGS)
     streamer.on_message("robot_state", robot_at(0.0), 0)
     got = [replies(tell(streamer, order(Verb.STATUS, id=k), 0))[0] for k in (1, 2, 3)]
-    assert [(r.id, r.ok, r.seq, r.sender) for r in got] == [(k, True, k - 1, "streamer") for k in (1, 2, 3)]
+    assert [(r.id, r.ok, r.seq, r.sender) for r in got] == [
+        (k, True, k - 1, "streamer") for k in (1, 2, 3)
+    ]
 
 
 def test_the_streamer_is_not_ready_before_it_knows_where_the_robot_stands() -> None:
@@ -371,7 +407,11 @@ def test_a_swinging_load_is_refused_with_amplitude_bound_and_a_hint_that_suffice
         "wait, or allow it with --set safety.initial_swing_rad=0.06"
     )
     assert {r.position_m for step in steps for r in references(step)} == {PLAN[0]}
-    allowed = see(started(msgspec.structs.replace(WATCHED, initial_swing_rad=0.06)), range(QUIET_TICKS + 1), 0.05)
+    allowed = see(
+        started(msgspec.structs.replace(WATCHED, initial_swing_rad=0.06)),
+        range(QUIET_TICKS + 1),
+        0.05,
+    )
     assert all(r.ok for step in allowed for r in replies(step))
 
 
@@ -391,7 +431,9 @@ def test_a_late_tick_over_the_start_of_the_move_does_not_skip_the_check() -> Non
         pytest.param(QUIET_TICKS - 30, QUIET_TICKS, id="less_than_a_quarter_period"),
     ],
 )
-def test_a_move_is_refused_when_the_look_was_too_short_to_tell_whether_the_load_swings(first: int, last: int) -> None:
+def test_a_move_is_refused_when_the_look_was_too_short_to_tell_whether_the_load_swings(
+    first: int, last: int
+) -> None:
     streamer = started(msgspec.structs.replace(WATCHED, angle_stale_ns=60_000 * MS))
     play(streamer, range(first))
     steps = see(streamer, range(first, last), 0.05) + play(streamer, range(last, last + 1))
@@ -402,7 +444,11 @@ def test_a_move_is_refused_when_the_look_was_too_short_to_tell_whether_the_load_
 
 
 def test_a_move_without_any_quiet_time_starts_unseen_and_says_so() -> None:
-    streamer = started(msgspec.structs.replace(WATCHED, angle_stale_ns=60_000 * MS, move_ticks=(0, WATCHED.move_ticks[1])))
+    streamer = started(
+        msgspec.structs.replace(
+            WATCHED, angle_stale_ns=60_000 * MS, move_ticks=(0, WATCHED.move_ticks[1])
+        )
+    )
     (news,) = [r for step in play(streamer, range(1)) for r in replies(step)]
     assert (news.ok, news.exit) == (True, None)
     assert "cannot tell whether the load swings" in news.text
@@ -421,7 +467,11 @@ def test_a_stopped_streamer_does_not_judge_the_load_any_more() -> None:
     streamer = started(WATCHED)
     see(streamer, range(QUIET_TICKS - 10), 0.05)
     tell(streamer, order(Verb.STOP), T_START_NS + (QUIET_TICKS - 10) * PERIOD_NS)
-    assert [r for step in see(streamer, range(QUIET_TICKS - 9, QUIET_TICKS + 9), 0.05) for r in replies(step)] == []
+    assert [
+        r
+        for step in see(streamer, range(QUIET_TICKS - 9, QUIET_TICKS + 9), 0.05)
+        for r in replies(step)
+    ] == []
 
 
 def test_a_stale_angle_stops_the_move_with_exit_5_at_the_first_tick_beyond_the_bound() -> None:
@@ -432,15 +482,23 @@ def test_a_stale_angle_stops_the_move_with_exit_5_at_the_first_tick_beyond_the_b
     ((k, news),) = told
     assert k == seen + 31  # 310 ms after the last picture; 300 ms are still good
     assert (news.ok, news.exit, news.phase) == (False, 5, Phase.STOPPED)
-    assert news.text.startswith("no valid cable angle for 310 ms; must be <= 300 ms (no picture arrived): check camera")
-    assert {r.position_m for step in steps[k - seen - 1 :] for r in references(step)} == {PLAN[seen + 30]}
+    assert news.text.startswith(
+        "no valid cable angle for 310 ms; must be <= 300 ms (no picture arrived): check camera"
+    )
+    assert {r.position_m for step in steps[k - seen - 1 :] for r in references(step)} == {
+        PLAN[seen + 30]
+    }
 
 
 def test_pictures_without_a_cable_do_not_count_and_their_reason_is_told() -> None:
     streamer = started(WATCHED)
     news = []
     for k in range(40):
-        tell(streamer, angle(T_START_NS + k * PERIOD_NS, None, Reason.NO_CABLE), T_START_NS + k * PERIOD_NS)
+        tell(
+            streamer,
+            angle(T_START_NS + k * PERIOD_NS, None, Reason.NO_CABLE),
+            T_START_NS + k * PERIOD_NS,
+        )
         news += replies(play(streamer, range(k, k + 1))[0])
     assert [r.exit for r in news] == [5]
     assert "last reason: no_cable" in news[0].text
@@ -449,7 +507,9 @@ def test_pictures_without_a_cable_do_not_count_and_their_reason_is_told() -> Non
 def test_an_angle_marked_invalid_does_not_count_even_with_a_value() -> None:
     streamer, news = started(WATCHED), []
     for k in range(40):
-        sample = msgspec.structs.replace(angle(T_START_NS + k * PERIOD_NS, 0.0), valid=False, reason=Reason.POOR_FIT)
+        sample = msgspec.structs.replace(
+            angle(T_START_NS + k * PERIOD_NS, 0.0), valid=False, reason=Reason.POOR_FIT
+        )
         tell(streamer, sample, T_START_NS + k * PERIOD_NS)
         news += replies(play(streamer, range(k, k + 1))[0])
     assert [r.exit for r in news] == [5]
@@ -474,6 +534,8 @@ def test_a_camera_that_never_speaks_is_noticed_from_t_start_on() -> None:
 
 
 def test_settings_travel_as_json_and_a_position_counts_as_three_numbers() -> None:
-    assert play(arm_and_start(build(msgspec.json.encode(SETTINGS))), range(3)) == play(started(), range(3))
+    assert play(arm_and_start(build(msgspec.json.encode(SETTINGS))), range(3)) == play(
+        started(), range(3)
+    )
     with pytest.raises(msgspec.ValidationError, match="positions_m"):
         build(msgspec.json.encode(SETTINGS).replace(b"[0.0,0.0,0.0]", b"[0.0,0.0]", 1))

@@ -18,8 +18,17 @@ from rig.run.runtime import execute
 from rig.run.runtime.interrupts import Interrupts
 
 pytestmark = pytest.mark.xdist_group("wall")  # one rig at a time: five processes each
-PATIENT = ["safety.robot_stale_ms=5000", "safety.reference_stale_ms=5000"]  # a busy machine is no fault of the rig's
-BRIEF = ["experiment.quiet_s=0.3", "experiment.watch_s=2.5", "move.time_s=1.5", "safety.angle_stale_ms=5000", *PATIENT]
+PATIENT = [
+    "safety.robot_stale_ms=5000",
+    "safety.reference_stale_ms=5000",
+]  # a busy machine is no fault of the rig's
+BRIEF = [
+    "experiment.quiet_s=0.3",
+    "experiment.watch_s=2.5",
+    "move.time_s=1.5",
+    "safety.angle_stale_ms=5000",
+    *PATIENT,
+]
 
 
 def quietly(*_):
@@ -30,7 +39,9 @@ def test_the_loop_over_sockets_ends_well_and_every_link_balances(tmp_path):
     ran = experiment.run(config.load("move", BRIEF), "wall", tmp_path, quietly, quietly)
     summary = Analysis(ran.folder / LOG).summary
     assert (ran.outcome.exit_code, ran.outcome.reasons) == (0, [])
-    assert {name: row.unexplained for name, row in summary.links.items()} == dict.fromkeys(summary.links, 0)
+    assert {name: row.unexplained for name, row in summary.links.items()} == dict.fromkeys(
+        summary.links, 0
+    )
     assert min(row.delivered for row in summary.links.values()) > 100
     assert summary.measured.cable_length_m == pytest.approx(0.98, abs=0.01)
     assert not (ran.folder / "operator.json").exists()
@@ -118,7 +129,9 @@ def test_ctrl_c_stops_the_robot_first_and_keeps_the_log(tmp_path):
     log = Analysis(Path(said["run_dir"]) / LOG)
     assert log.run.log.complete
     orders = [entry.data for entry in log.run.log.topics["/command"]]
-    stop, close = (next(k for k, data in enumerate(orders) if word in data) for word in (b'"stop"', b'"close"'))
+    stop, close = (
+        next(k for k, data in enumerate(orders) if word in data) for word in (b'"stop"', b'"close"')
+    )
     assert stop < close
 
 
@@ -133,7 +146,9 @@ def test_rig_stop_from_a_second_terminal_stops_the_run(tmp_path):
     assert said["reasons"][0] == "stop from another terminal"
 
 
-def test_a_task_that_dies_ends_the_run_as_a_fault_that_names_it_and_what_was_recorded_is_kept(tmp_path):
+def test_a_task_that_dies_ends_the_run_as_a_fault_that_names_it_and_what_was_recorded_is_kept(
+    tmp_path,
+):
     run = start_a_run(tmp_path)
     wait_for_the_start(run, tmp_path)
     os.kill(child_of(run, "vision"), signal.SIGKILL)
@@ -146,13 +161,19 @@ def test_a_task_that_dies_ends_the_run_as_a_fault_that_names_it_and_what_was_rec
 def child_of(run: subprocess.Popen, module: str) -> int:
     """The process that runs a task of this run."""
     children = Path(f"/proc/{run.pid}/task/{run.pid}/children").read_text().split()
-    return next(int(pid) for pid in children if Path(f"/proc/{pid}/cmdline").read_bytes().endswith(f"{module}\0".encode()))
+    return next(
+        int(pid)
+        for pid in children
+        if Path(f"/proc/{pid}/cmdline").read_bytes().endswith(f"{module}\0".encode())
+    )
 
 
 def test_a_run_killed_outright_leaves_a_log_that_can_be_read_and_no_task_behind(tmp_path):
     run = start_a_run(tmp_path)
     wait_for_the_start(run, tmp_path)
-    children = [int(pid) for pid in Path(f"/proc/{run.pid}/task/{run.pid}/children").read_text().split()]
+    children = [
+        int(pid) for pid in Path(f"/proc/{run.pid}/task/{run.pid}/children").read_text().split()
+    ]
     run.kill()
     run.communicate()
     (log,) = tmp_path.glob(f"*/{LOG}")
@@ -179,5 +200,11 @@ def test_a_port_in_use_is_refused_before_anything_moves(tmp_path):
     base = free_port("127.0.0.1")
     taken = UdpReceiver("127.0.0.1", base + 3, "test")  # the first data channel's
     with pytest.raises(Refused, match=f"port {base + 3}.*base_port"):
-        experiment.run(config.load("move", [*BRIEF, f"network.base_port={base}"]), "wall", tmp_path, quietly, quietly)
+        experiment.run(
+            config.load("move", [*BRIEF, f"network.base_port={base}"]),
+            "wall",
+            tmp_path,
+            quietly,
+            quietly,
+        )
     taken.close()

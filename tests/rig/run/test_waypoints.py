@@ -33,7 +33,9 @@ def through(tmp_path):
 
 @pytest.mark.parametrize("spline", ["b_spline_5", "b_spline_4", "cubic", "four_three_four"])
 @pytest.mark.parametrize("allocation", ["root", "proportional", "equal"])
-def test_every_axis_passes_the_points_at_common_times_and_rests_at_the_ends(through, spline, allocation):
+def test_every_axis_passes_the_points_at_common_times_and_rests_at_the_ends(
+    through, spline, allocation
+):
     plan = plan_move(through(PLAIN, f"move.spline={spline}", f"move.allocation={allocation}"))
     points = np.loadtxt(PLAIN.splitlines()[1:], delimiter=",")
     distances = np.linalg.norm(np.diff(points, axis=0), axis=1)
@@ -54,7 +56,9 @@ def test_times_of_the_file_are_kept_and_begin_when_the_move_does(through):
 
 def test_a_relative_path_starts_at_the_experiment_file(tmp_path, monkeypatch):
     (tmp_path / "points.csv").write_text(PLAIN)
-    (tmp_path / "mine.toml").write_text('[experiment]\nname = "mine"\n[move]\nwaypoints = "points.csv"\ntime_s = 4\n')
+    (tmp_path / "mine.toml").write_text(
+        '[experiment]\nname = "mine"\n[move]\nwaypoints = "points.csv"\ntime_s = 4\n'
+    )
     monkeypatch.chdir("/")
     assert plan_move(config.load(str(tmp_path / "mine.toml"), [])).problem.time_s == 4.0
 
@@ -63,10 +67,17 @@ def test_the_robot_runs_through_the_points_in_three_axes(through, tmp_path):
     chosen = through(PLAIN)
     ran = experiment.run(chosen, "virtual", tmp_path / "runs", lambda *_: None, lambda *_: None)
     assert ran.outcome.exit_code == 0
-    actual = np.array([state.actual_m for state in RunLog.open(ran.folder / LOG).log.read("/robot_state", RobotState)])
+    actual = np.array(
+        [
+            state.actual_m
+            for state in RunLog.open(ran.folder / LOG).log.read("/robot_state", RobotState)
+        ]
+    )
     points = np.loadtxt(PLAIN.splitlines()[1:], delimiter=",")
     for point in points:
-        assert np.linalg.norm(actual - point, axis=1).min() < 2e-3  # the interpolator cuts corners of 30 ms
+        assert (
+            np.linalg.norm(actual - point, axis=1).min() < 2e-3
+        )  # the interpolator cuts corners of 30 ms
     np.testing.assert_allclose(actual[-1], points[-1], atol=1e-4)
 
 
@@ -92,7 +103,11 @@ def test_a_file_that_is_no_list_of_points_is_refused_by_line_and_column(tmp_path
 @pytest.mark.parametrize(
     ("text", "changes", "told"),
     [
-        ("x_m\n0.1\n0.2\n0.3\n", [], r"the first is at \[0.1, 0.0, 0.0\] m; must be at \[0.0, 0, 0\]"),
+        (
+            "x_m\n0.1\n0.2\n0.3\n",
+            [],
+            r"the first is at \[0.1, 0.0, 0.0\] m; must be at \[0.0, 0, 0\]",
+        ),
         ("t_s,x_m\n0,0\n2,0.1\n1,0.2\n", [], "line 4, t_s: 1 after 2; must increase"),
         ("x_m\n0\n0\n0.1\n", [], "points 0 and 1 are both at .* must be > 0"),
         (PLAIN, ["move.spline=b_spline"], "spline = 'b_spline'; did you mean"),
@@ -144,6 +159,14 @@ def test_the_record_says_how_far_the_points_go(through):
 
 def test_a_planner_beside_waypoints_is_refused(rig, tmp_path):
     (tmp_path / "points.csv").write_text(PLAIN)
-    code, _, why = rig("run", "move", "--virtual", "--planner", "zvd", "--set", f"move.waypoints={tmp_path / 'points.csv'}")
+    code, _, why = rig(
+        "run",
+        "move",
+        "--virtual",
+        "--planner",
+        "zvd",
+        "--set",
+        f"move.waypoints={tmp_path / 'points.csv'}",
+    )
     assert code == 2
     assert "--planner zvd with [move] waypoints; the points are passed by [move] spline" in why

@@ -123,12 +123,16 @@ def trapezoidal(a, b, time_s, intervals=200):
     n, h = len(b), time_s / intervals
     s = np.block([[a, -np.outer(b, b)], [np.zeros((n, n)), -a.T]]) * h / 2
     both = np.eye(2 * n)
-    steps = kron(eye_array(intervals, intervals + 1), -(both + s)) + kron(eye_array(intervals, intervals + 1, k=1), both - s)
+    steps = kron(eye_array(intervals, intervals + 1), -(both + s)) + kron(
+        eye_array(intervals, intervals + 1, k=1), both - s
+    )
     ends = np.zeros((2, n, 2 * n * (intervals + 1)))
     ends[0, :, :n] = ends[1, :, 2 * n * intervals : 2 * n * intervals + n] = np.eye(n)
     right = np.zeros(2 * n * (intervals + 1))
     right[2 * n * intervals + n] = 0.2
-    return spsolve(csc_array(vstack([steps, *map(csc_array, ends)])), right).reshape(intervals + 1, 2 * n)
+    return spsolve(csc_array(vstack([steps, *map(csc_array, ends)])), right).reshape(
+        intervals + 1, 2 * n
+    )
 
 
 @cache
@@ -149,10 +153,15 @@ def ours(two_bars, method, input, robust, time_s, window, samples):
         z, n = trapezoidal(*wide, time_s), len(wide[1])
         driven_by_acceleration = input == "jerk" and not two_bars
         values = z[:, 4] if driven_by_acceleration else -z[:, n:] @ wide[1]
-        nodes, driven = InputNodes(np.linspace(0.0, time_s, 201), values), plant if driven_by_acceleration else problem
+        nodes, driven = (
+            InputNodes(np.linspace(0.0, time_s, 201), values),
+            plant if driven_by_acceleration else problem,
+        )
     else:
         nodes, driven = exact_nodes(*wide, time_s), problem
-    return measure(state_space(*driven), nodes, window=window, acceleration="speed" if speed else "nodes")
+    return measure(
+        state_space(*driven), nodes, window=window, acceleration="speed" if speed else "nodes"
+    )
 
 
 def of_row(row):
@@ -162,14 +171,31 @@ def of_row(row):
 def off(row):
     """Columns of a row that our figures leave: 5e-4, residuals 2 %."""
     figures = of_row(row)
-    return [c for c, p in row.published.items() if abs(figures[c] / p - 1) > (0.02 if "_res_" in c else 5e-4)]
+    return [
+        c
+        for c, p in row.published.items()
+        if abs(figures[c] / p - 1) > (0.02 if "_res_" in c else 5e-4)
+    ]
 
 
 def test_the_tables_hold_every_published_row():
     assert len(ROWS) == 92
-    assert Counter(row.verdict for row in ROWS) == {"reproduced": 61, "partly": 14, "false": 12, "no entry": 5}
-    assert [row.table for row in ROWS if row.verdict == "no entry"] == ["3.1", "3.5", "3.7", "4.4", "4.5"]
-    assert all(bool(row.figures) == bool(row.compute_s) == (row.verdict != "no entry") for row in ROWS)
+    assert Counter(row.verdict for row in ROWS) == {
+        "reproduced": 61,
+        "partly": 14,
+        "false": 12,
+        "no entry": 5,
+    }
+    assert [row.table for row in ROWS if row.verdict == "no entry"] == [
+        "3.1",
+        "3.5",
+        "3.7",
+        "4.4",
+        "4.5",
+    ]
+    assert all(
+        bool(row.figures) == bool(row.compute_s) == (row.verdict != "no entry") for row in ROWS
+    )
 
 
 def test_a_verdict_other_than_reproduced_says_why():
@@ -183,7 +209,13 @@ def test_a_figure_printed_twice_is_printed_alike():
     """Once transcribed, the same row of two tables agrees; the source's times do not (table 3.8 against 3.1)."""
     seen = {}
     for row in ROWS:
-        key = (row.bars, row.method, row.technique.removesuffix(" acc").removesuffix(" Acc"), row.time_s, row.window)
+        key = (
+            row.bars,
+            row.method,
+            row.technique.removesuffix(" acc").removesuffix(" Acc"),
+            row.time_s,
+            row.window,
+        )
         for column, figure in row.published.items():
             assert seen.setdefault((key, column), figure) == figure
 
@@ -201,7 +233,9 @@ def test_a_reproduced_row_is_within_its_tolerances(row):
 @pytest.mark.parametrize("row", [r for r in ROWS if r.method == "shooting"], ids=name_of)
 def test_shooting_is_reproduced_to_the_printed_digits_its_residual_too(row):
     figures = of_row(row)
-    assert [figures[column] for column in row.published] == pytest.approx(list(row.figures), rel=1e-4)
+    assert [figures[column] for column in row.published] == pytest.approx(
+        list(row.figures), rel=1e-4
+    )
 
 
 @pytest.mark.parametrize("row", [r for r in ROWS if r.off], ids=name_of)
@@ -223,9 +257,14 @@ def test_a_free_cart_follows_any_broken_line_exactly(gaps, values):
     t = np.append(0.0, np.cumsum(gaps))
     u = np.array(values[: len(t)])
     end = round(t[-1] / SAMPLE_S) * SAMPLE_S + 0.02
-    line = PPoly(np.array([[*(np.diff(u) / np.diff(t)), 0.0], [*u[:-1], 0.0]]), np.append(t, end + 1.0))
+    line = PPoly(
+        np.array([[*(np.diff(u) / np.diff(t)), 0.0], [*u[:-1], 0.0]]), np.append(t, end + 1.0)
+    )
     plant = StateSpace(
-        ("position_m", "speed_m_s"), "acceleration_m_s2", np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0]])
+        ("position_m", "speed_m_s"),
+        "acceleration_m_s2",
+        np.array([[0.0, 1.0], [0.0, 0.0]]),
+        np.array([[0.0], [1.0]]),
     )
     x = respond(plant, InputNodes(t, u), end)
     at = SAMPLE_S * np.arange(len(x))
@@ -233,21 +272,34 @@ def test_a_free_cart_follows_any_broken_line_exactly(gaps, values):
     np.testing.assert_allclose(x[:, 0], line.antiderivative(2)(at), atol=1e-14)
 
 
-@pytest.mark.parametrize("plant", [pendulum(), bars(True), filtered(*bars())], ids=["pendulum", "pushed bars", "filtered bars"])
+@pytest.mark.parametrize(
+    "plant",
+    [pendulum(), bars(True), filtered(*bars())],
+    ids=["pendulum", "pushed bars", "filtered bars"],
+)
 def test_the_response_agrees_with_an_integrator(plant):
     a, b = plant
     t = np.array([0.0, 0.0123, 0.05, 0.0777, 0.1501])
     u = np.array([1.0, -2.0, 3.0, 0.5, 4.0])
     x = respond(state_space(a, b), InputNodes(t, u), 0.3)
     state, at = np.zeros(len(b)), 0.0
-    for begin, end, left, right in [*zip(t[:-1], t[1:], u[:-1], u[1:], strict=True), (t[-1], 0.3, 0.0, 0.0)]:
+    for begin, end, left, right in [
+        *zip(t[:-1], t[1:], u[:-1], u[1:], strict=True),
+        (t[-1], 0.3, 0.0, 0.0),
+    ]:
 
         def rates(time, z, begin=begin, slope=(right - left) / (end - begin), left=left):
             return a @ z + b * (left + slope * (time - begin))
 
-        out = solve_ivp(rates, (begin, end), state, "DOP853", rtol=1e-12, atol=1e-15, dense_output=True)
-        inside = np.flatnonzero((SAMPLE_S * np.arange(len(x)) > at) & (SAMPLE_S * np.arange(len(x)) <= end))
-        np.testing.assert_allclose(x[inside], out.sol(SAMPLE_S * inside).T, atol=1e-10 * np.abs(x).max())
+        out = solve_ivp(
+            rates, (begin, end), state, "DOP853", rtol=1e-12, atol=1e-15, dense_output=True
+        )
+        inside = np.flatnonzero(
+            (SAMPLE_S * np.arange(len(x)) > at) & (SAMPLE_S * np.arange(len(x)) <= end)
+        )
+        np.testing.assert_allclose(
+            x[inside], out.sol(SAMPLE_S * inside).T, atol=1e-10 * np.abs(x).max()
+        )
         state, at = out.y[:, -1], end
 
 
@@ -256,7 +308,10 @@ def test_residuals_are_signed_maxima_after_the_move():
     t = np.array([0.0, 0.001, 0.5])
     figures = measure(state_space(*pendulum()), InputNodes(t, np.array([10.0, 0.0, 0.0])))
     w = math.sqrt(G)
-    kick, middle = 0.005 / w, 0.001 / 3  # speed 0.5 x 10 x 0.001 m/s on 1 m, as if given at once a third of a ms in
+    kick, middle = (
+        0.005 / w,
+        0.001 / 3,
+    )  # speed 0.5 x 10 x 0.001 m/s on 1 m, as if given at once a third of a ms in
     assert figures["theta_max_rad"] == pytest.approx(0.0, abs=1e-12)
     assert figures["theta_res_rad"] == pytest.approx(-kick * math.sin(w * (1.0 - middle)), rel=1e-3)
     assert figures["v_rms_m_s"] == pytest.approx(0.005, rel=2e-3)
@@ -305,7 +360,11 @@ def compared(table):
 @pytest.mark.parametrize("table", TABLES)
 def test_what_differs_from_a_published_table_is_what_its_verdicts_say(table):
     for comparison in compared(table):
-        assert comparison.as_expected, (comparison.row.technique, comparison.row.time_s, comparison.errors)
+        assert comparison.as_expected, (
+            comparison.row.technique,
+            comparison.row.time_s,
+            comparison.errors,
+        )
         assert comparison.compute_s is None
 
 
@@ -321,24 +380,46 @@ def test_the_projects_solvers_give_the_figures_of_independent_ones(table):
 
 
 def test_every_row_measured_otherwise_than_the_legend_says_has_a_note():
-    notes = {(c.row.table, c.row.technique): c.sampling for table in TABLES for c in compared(table)}
+    notes = {
+        (c.row.table, c.row.technique): c.sampling for table in TABLES for c in compared(table)
+    }
     assert "speed RMS is over [0, 4T]" in notes["3.3", "bvp5c"]
     assert "speed RMS is over [0, 4T]" in notes["3.4", "bvp5c"]
     assert "speed RMS is over [0, 5T]" in notes["3.5", "Shooting"]
-    assert notes["3.8", "DF Jerk"] == "its accelerations are the jerk model's output at the 201 nodes"
+    assert (
+        notes["3.8", "DF Jerk"] == "its accelerations are the jerk model's output at the 201 nodes"
+    )
     for robust in ("", " Rob"):
-        assert "differences of the simulated speed over 0.5 ms, their RMS over [0, 2T]" in notes["4.6", f"DF{robust} Jerk"]
-    assert notes["4.1", "bvp5c Forza"] == "its accelerations are differences of the simulated speed over 0.5 ms"
+        assert (
+            "differences of the simulated speed over 0.5 ms, their RMS over [0, 2T]"
+            in notes["4.6", f"DF{robust} Jerk"]
+        )
+    assert (
+        notes["4.1", "bvp5c Forza"]
+        == "its accelerations are differences of the simulated speed over 0.5 ms"
+    )
     for technique in ("Integrale", "Esponenziale"):
         assert notes["3.2", technique] == "ours: the exact solution at 2000 even points"
-    assert {name for (_, name), note in notes.items() if not note} >= {"DF", "DF Rob", "bvp5c Rob", "Shooting Rob", "DF acc"}
+    assert {name for (_, name), note in notes.items() if not note} >= {
+        "DF",
+        "DF Rob",
+        "bvp5c Rob",
+        "Shooting Rob",
+        "DF acc",
+    }
 
 
 def test_a_window_other_than_the_others_is_what_the_printed_figure_shows():
     """Printed speed RMS = that of the move / sqrt(window): 4 to rounding, 5 within what ode45's own cart still drifts by."""
-    for table, technique, near in (("3.3", "bvp5c", 1e-3), ("3.4", "bvp5c", 1e-3), ("3.5", "Shooting", 1e-2)):
+    for table, technique, near in (
+        ("3.3", "bvp5c", 1e-3),
+        ("3.4", "bvp5c", 1e-3),
+        ("3.5", "Shooting", 1e-2),
+    ):
         c = next(c for c in compared(table) if c.row.technique == technique)
-        assert (c.exact["v_rms_m_s"] / c.row.published["v_rms_m_s"]) ** 2 == pytest.approx(c.row.window, rel=near)
+        assert (c.exact["v_rms_m_s"] / c.row.published["v_rms_m_s"]) ** 2 == pytest.approx(
+            c.row.window, rel=near
+        )
 
 
 def test_rows_of_the_same_plan_are_timed_once():
@@ -346,10 +427,14 @@ def test_rows_of_the_same_plan_are_timed_once():
     seconds = planning_time(lambda: float(next(readings)))
     first, again, other = (seconds(row) for row in (rows("3.2")[2], rows("3.6")[2], rows("3.3")[2]))
     assert (first, again, other) == (1.0, 1.0, 1.0)
-    assert next(readings) == 4  # two readings for each of two plans; a second is beyond the patience
+    assert (
+        next(readings) == 4
+    )  # two readings for each of two plans; a second is beyond the patience
 
 
-@pytest.mark.parametrize(("table", "technique"), [("3.5", "ZV"), ("3.7", "ZVD"), ("4.4", "ZVD"), ("4.5", "ZVD")])
+@pytest.mark.parametrize(
+    ("table", "technique"), [("3.5", "ZV"), ("3.7", "ZVD"), ("4.4", "ZVD"), ("4.5", "ZVD")]
+)
 def test_a_dash_of_a_shaper_is_a_move_too_short_for_it(table, technique):
     found = [c for c in compared(table) if c.row.technique == technique and not c.row.figures]
     assert [bool(c.ours) or bool(c.exact) for c in found] == [False]
@@ -358,7 +443,9 @@ def test_a_dash_of_a_shaper_is_a_move_too_short_for_it(table, technique):
 
 def test_the_move_the_source_could_not_plan_is_planned():
     found = next(c for c in compared("3.1") if not c.row.figures)
-    neighbour = next(c for c in compared("3.1") if c.row.technique == "bvp5c forza" and c.row.time_s == 0.5)
+    neighbour = next(
+        c for c in compared("3.1") if c.row.technique == "bvp5c forza" and c.row.time_s == 0.5
+    )
     assert found.row.technique == "DF forza"
     assert found.exact == neighbour.exact
     assert found.ours["dy_max_m"] == pytest.approx(neighbour.ours["dy_max_m"], rel=5e-4)
@@ -385,7 +472,11 @@ EXACT = [
 ]
 
 
-@pytest.mark.parametrize("case", EXACT, ids=lambda case: f"{'bars' if case[0] else 'pendulum'} {case[1]} {case[2]} {case[3]}")
+@pytest.mark.parametrize(
+    "case",
+    EXACT,
+    ids=lambda case: f"{'bars' if case[0] else 'pendulum'} {case[1]} {case[2]} {case[3]}",
+)
 def test_the_exact_figures_are_those_of_the_continuous_problem(case):
     two_bars, input, robust, time_s, thetas, *cart = case
     model = TWO_BARS if two_bars else PENDULUM
@@ -407,7 +498,10 @@ def test_the_exact_angles_follow_every_step_of_a_shaped_acceleration(planner, ti
     peak, state = 0.0, np.zeros(2)
     for begin, piece in zip(move.breaks_s, move.pieces, strict=False):
         out = solve_ivp(
-            lambda t, x, piece=piece, begin=begin: [x[1], -G * x[0] - float(piece.at(np.asarray(t - begin), 2))],
+            lambda t, x, piece=piece, begin=begin: [
+                x[1],
+                -G * x[0] - float(piece.at(np.asarray(t - begin), 2)),
+            ],
             (begin, begin + piece.duration_s),
             state,
             "DOP853",
@@ -432,7 +526,11 @@ JERK = [
 @pytest.mark.parametrize("case", JERK, ids=lambda case: f"{'robust ' if case[0] else ''}{case[1]}")
 def test_the_jerk_figures_are_those_of_201_nodes(case):
     robust, time_s, *figures = case
-    found = next(c for c in compared("3.8") if c.row.input == "jerk" and (c.row.robust, c.row.time_s) == (robust, time_s)).ours
+    found = next(
+        c
+        for c in compared("3.8")
+        if c.row.input == "jerk" and (c.row.robust, c.row.time_s) == (robust, time_s)
+    ).ours
     ours = [found[column] for column in found if "_res_" not in column]
     samples = time_s / SAMPLE_S
     ours[3] *= math.sqrt((2 * samples + 1) / samples)
@@ -452,7 +550,9 @@ def test_the_modes_of_the_loads_are_the_sources():
     """Driven and free, source 004: 0.4985 Hz; 0.6748 and 2.6420 Hz are those of the free cart, to 0.04 % and 0.14 %."""
     assert PENDULUM.modes().natural_frequencies_hz == pytest.approx([math.sqrt(G) / (2 * math.pi)])
     assert TWO_BARS.modes().natural_frequencies_hz == pytest.approx([0.607958, 2.594118], rel=1e-6)
-    assert TWO_BARS.modes("free").natural_frequencies_hz == pytest.approx([0.6748, 2.6420], rel=2e-3)
+    assert TWO_BARS.modes("free").natural_frequencies_hz == pytest.approx(
+        [0.6748, 2.6420], rel=2e-3
+    )
 
 
 @pytest.fixture(autouse=True)
@@ -477,7 +577,9 @@ def test_the_verb_prints_each_row_thrice_and_says_why_it_differs(capsys):
     assert max(map(len, text.splitlines())) <= 140
 
 
-def test_a_terminal_narrower_than_the_table_gets_a_line_for_each_figure(capsys, monkeypatch, untimed):
+def test_a_terminal_narrower_than_the_table_gets_a_line_for_each_figure(
+    capsys, monkeypatch, untimed
+):
     monkeypatch.setenv("COLUMNS", "60")
     assert verb("4.4") == 0
     lines = capsys.readouterr().out.splitlines()
@@ -492,7 +594,9 @@ def test_a_terminal_narrower_than_the_table_gets_a_line_for_each_figure(capsys, 
 def test_several_tables_are_told_with_commas_and_by_chapter(capsys, untimed):
     def told(words):
         assert verb(words, as_json=True) == 0
-        return list(dict.fromkeys(row["table"] for row in json.loads(capsys.readouterr().out)["rows"]))
+        return list(
+            dict.fromkeys(row["table"] for row in json.loads(capsys.readouterr().out)["rows"])
+        )
 
     assert told("3.5, 3.2,3.5") == ["3.5", "3.2"]
     assert told("4") == [table for table in TABLES if table.startswith("4.")]
@@ -511,7 +615,9 @@ def test_the_techniques_are_told_in_our_words_and_the_dashes_are_counted(capsys,
 
 
 def test_a_file_in_no_folder_is_refused_before_any_work(tmp_path, monkeypatch):
-    monkeypatch.setattr("rig.studies.thesis_tables.table.compare", lambda *_: pytest.fail("worked first"))
+    monkeypatch.setattr(
+        "rig.studies.thesis_tables.table.compare", lambda *_: pytest.fail("worked first")
+    )
     with pytest.raises(ConfigError, match=r"--csv .*nowhere"):
         verb("3.2", csv_file=tmp_path / "nowhere" / "table.csv")
 
@@ -519,7 +625,9 @@ def test_a_file_in_no_folder_is_refused_before_any_work(tmp_path, monkeypatch):
 def test_the_verb_gives_one_json_document(capsys):
     assert verb("3.7", as_json=True) == 0
     document = json.loads(capsys.readouterr().out)
-    assert [entry["technique"] for entry in document["rows"]] == [row.technique for row in rows("3.7")]
+    assert [entry["technique"] for entry in document["rows"]] == [
+        row.technique for row in rows("3.7")
+    ]
     dash = document["rows"][4]
     assert dash["verdict"] == "no entry"
     assert dash["figures"]["a_max_m_s2"]["ours"] is None
@@ -535,7 +643,11 @@ def test_the_verb_writes_a_line_for_each_figure(tmp_path, capsys):
         lines = list(csv.DictReader(file))
     assert len(lines) == sum(len(row.columns) for row in rows("3.2"))
     assert float(lines[0]["published"]) == rows("3.2")[0].figures[0]
-    assert {line["column"] for line in lines if line["differs"] == "True"} == {"theta_max_rad", "theta_res_rad", "a_rms_m_s2"}
+    assert {line["column"] for line in lines if line["differs"] == "True"} == {
+        "theta_max_rad",
+        "theta_res_rad",
+        "a_rms_m_s2",
+    }
 
 
 def test_the_verb_ends_badly_when_a_row_is_not_what_it_should_be(monkeypatch, capsys):
@@ -558,9 +670,12 @@ def test_an_unknown_choice_names_the_nearest(capsys):
 def curves(monkeypatch):
     drawn = []
     monkeypatch.setattr(
-        "rig.studies.thesis_tables.curves.sensitivity_document", lambda: {"curve": {"residual_rad": [0.0, math.nan]}}
+        "rig.studies.thesis_tables.curves.sensitivity_document",
+        lambda: {"curve": {"residual_rad": [0.0, math.nan]}},
     )
-    monkeypatch.setattr("rig.ui.plots.sensitivity.draw", lambda document, path: drawn.append((len(document), path)))
+    monkeypatch.setattr(
+        "rig.ui.plots.sensitivity.draw", lambda document, path: drawn.append((len(document), path))
+    )
     return drawn
 
 

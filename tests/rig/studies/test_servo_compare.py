@@ -27,7 +27,9 @@ from rig.studies.servo.compare import compare as runs
 from rig.studies.servo.controllers import CONTROLLERS
 from rig.studies.servo.spec import load
 
-EXPERIMENTS = tomllib.loads((Path(__file__).parents[2] / "data" / "servo_compare.toml").read_text())["experiment"]
+EXPERIMENTS = tomllib.loads(
+    (Path(__file__).parents[2] / "data" / "servo_compare.toml").read_text()
+)["experiment"]
 TRUTHS = ("listed", "ripple", "friction", "fitted", "together")
 SPEC = load(None)
 
@@ -38,7 +40,10 @@ def compare(spec, truths, names):
 
 @pytest.fixture(scope="module")
 def rows() -> dict[tuple[str, int, str], Row]:
-    return {(row.truth, row.move, row.controller): row for row in compare(SPEC, TRUTHS, list(CONTROLLERS))}
+    return {
+        (row.truth, row.move, row.controller): row
+        for row in compare(SPEC, TRUTHS, list(CONTROLLERS))
+    }
 
 
 @pytest.mark.parametrize("move", [1, 2, 3])
@@ -58,18 +63,26 @@ def test_a_rigid_joint_would_need_the_torque_and_the_current_of_the_source_s_dat
         motor_friction_n_m_s_rad=model.motor_friction_n_m_s_rad,
         gear_ratio=model.gear_ratio,
     )
-    found = effort(shaft, SPEC.move[move - 1].trajectory(model.gear_ratio).scaled(1.0 / model.gear_ratio))
+    found = effort(
+        shaft, SPEC.move[move - 1].trajectory(model.gear_ratio).scaled(1.0 / model.gear_ratio)
+    )
     assert found.peak_torque_n_m.value == pytest.approx(figures["peak_torque_n_m"], rel=1e-7)
-    assert found.peak_torque_n_m.value / SPEC.drive.torque_constant_n_m_a == pytest.approx(figures["peak_current_a"], rel=1e-7)
+    assert found.peak_torque_n_m.value / SPEC.drive.torque_constant_n_m_a == pytest.approx(
+        figures["peak_current_a"], rel=1e-7
+    )
     assert found.peak_speed_rad_s.value == pytest.approx(figures["top_motor_rad_s"], rel=1e-7)
 
 
 @pytest.mark.parametrize("move", [1, 2, 3])
 def test_no_less_acceleration_makes_the_move_in_its_time(move):
     least, section = EXPERIMENTS[move - 1]["least_acceleration_rad_s2"], SPEC.move[move - 1]
-    msgspec.structs.replace(section, motor_acceleration_rad_s2=least * (1.0 + 1e-6)).trajectory(SPEC.model.gear_ratio)
+    msgspec.structs.replace(section, motor_acceleration_rad_s2=least * (1.0 + 1e-6)).trajectory(
+        SPEC.model.gear_ratio
+    )
     with pytest.raises(ConfigError, match="raise it, or give the move more time"):
-        msgspec.structs.replace(section, motor_acceleration_rad_s2=least * (1.0 - 1e-6)).trajectory(SPEC.model.gear_ratio)
+        msgspec.structs.replace(section, motor_acceleration_rad_s2=least * (1.0 - 1e-6)).trajectory(
+            SPEC.model.gear_ratio
+        )
 
 
 def test_the_file_s_truths_are_the_parameter_sets_that_the_joint_is_known_by():
@@ -77,7 +90,9 @@ def test_the_file_s_truths_are_the_parameter_sets_that_the_joint_is_known_by():
     for name, table in (("listed", "listed"), ("fitted", "fitted"), ("together", "fitted")):
         told = SPEC.truth_tables(name)
         assert {key: told[key] for key in known[table]} == pytest.approx(known[table])
-    assert SPEC.joint.antiresonance_rad_s == pytest.approx(known["modes"]["listed"]["antiresonance_rad_s"], rel=1e-7)
+    assert SPEC.joint.antiresonance_rad_s == pytest.approx(
+        known["modes"]["listed"]["antiresonance_rad_s"], rel=1e-7
+    )
 
 
 @pytest.mark.parametrize("move", [1, 2, 3])
@@ -98,7 +113,9 @@ def test_sampled_on_the_listed_joint_they_leave_what_the_linear_loop_does(rows, 
     assert 100.0 * lqg.residual == pytest.approx(figures["lqg_residual_percent"], rel=0.02)
     assert pid.overshoot_deg == pytest.approx(figures["pid_overshoot_deg"], rel=0.05)
     assert lqg.overshoot_deg == pytest.approx(figures["lqg_overshoot_deg"], rel=0.02)
-    assert lqg.peak_torque_n_m == pytest.approx(figures["peak_torque_n_m"], rel=0.05)  # the encoder's steps are in it
+    assert lqg.peak_torque_n_m == pytest.approx(
+        figures["peak_torque_n_m"], rel=0.05
+    )  # the encoder's steps are in it
 
 
 def test_the_first_two_experiments_are_one_scaled_by_four_to_three(rows):
@@ -109,11 +126,18 @@ def test_the_first_two_experiments_are_one_scaled_by_four_to_three(rows):
 
 
 @pytest.mark.parametrize("move", [1, 2, 3])
-def test_with_the_feed_forward_pair_the_load_follows_the_filter_and_hardly_anything_is_left(rows, move):
+def test_with_the_feed_forward_pair_the_load_follows_the_filter_and_hardly_anything_is_left(
+    rows, move
+):
     row = rows["listed", move, "lqg_ff"]
     assert row.outcome.residual < 0.002
-    assert row.late_s == pytest.approx(0.0749, abs=0.0005)  # (1 + x + x^2 / 2) exp(-x) = 0.001 at x = 11.229, 1 / 150 s
-    assert rows["together", move, "lqg_ff"].outcome.residual < 0.3 * rows["together", move, "lqg"].outcome.residual
+    assert row.late_s == pytest.approx(
+        0.0749, abs=0.0005
+    )  # (1 + x + x^2 / 2) exp(-x) = 0.001 at x = 11.229, 1 / 150 s
+    assert (
+        rows["together", move, "lqg_ff"].outcome.residual
+        < 0.3 * rows["together", move, "lqg"].outcome.residual
+    )
 
 
 @pytest.mark.parametrize("name", [name for name in CONTROLLERS if name != "pid_shaped"])
@@ -128,24 +152,36 @@ def test_a_controller_steps_as_the_linear_system_that_its_loop_is_judged_by(name
 
 def test_designs_are_judged_by_their_loops():
     found = designs(SPEC, built(SPEC, list(CONTROLLERS)))
-    assert found["pid"].condition == found["pid_shaped"].condition  # a shaper is outside of the loop
+    assert (
+        found["pid"].condition == found["pid_shaped"].condition
+    )  # a shaper is outside of the loop
     assert found["lqg"].margins == found["lqg_ff"].margins
     for name, facts in found.items():
         assert facts.poles_1_s.real.max() < 0.0, name
         joint_s_own = [mode for mode in swinging(facts.zeros_1_s) if mode.frequency_rad_s < 3000.0]
-        assert joint_s_own[0] == pytest.approx((107.15, 0.038), rel=0.01)  # the load swings while the motor stands
+        assert joint_s_own[0] == pytest.approx(
+            (107.15, 0.038), rel=0.01
+        )  # the load swings while the motor stands
         assert facts.margins.phase_deg > 30.0
         assert facts.condition > 1.0
     joint, noise = SPEC.joint, Noise()
-    feedback, estimator = lq(joint, SPEC.lqg.state_weights), sampled_kalman(joint, noise, SPEC.drive.period_s)
+    feedback, estimator = (
+        lq(joint, SPEC.lqg.state_weights),
+        sampled_kalman(joint, noise, SPEC.drive.period_s),
+    )
     apart = np.concatenate([feedback.poles_1_s(joint), estimator.poles_1_s(joint)])
-    assert np.sort_complex(found["lqg"].poles_1_s) == pytest.approx(np.sort_complex(apart), rel=1e-6)
+    assert np.sort_complex(found["lqg"].poles_1_s) == pytest.approx(
+        np.sort_complex(apart), rel=1e-6
+    )
 
 
 def test_the_accelerometer_tells_the_speed_that_the_load_has(rows):
     for row in rows.values():
         r = row.recording
-        error = np.sqrt(np.mean((r.measured_rad_s - r.load_rad_s) ** 2)) / np.abs(r.reference_rad_s).max()
+        error = (
+            np.sqrt(np.mean((r.measured_rad_s - r.load_rad_s) ** 2))
+            / np.abs(r.reference_rad_s).max()
+        )
         assert error < 0.005
 
 
@@ -217,7 +253,9 @@ def test_a_bias_of_the_accelerometer_does_not_reach_the_speed():
 def test_a_short_watch_changes_no_measured_residual():
     """Nothing is assumed of how the move ends."""
     short, long = (
-        next(iter(compare(load(None, [f"watch_s={watch}"]), ["listed"], ["pid"]))).outcome.residual_measured
+        next(
+            iter(compare(load(None, [f"watch_s={watch}"]), ["listed"], ["pid"]))
+        ).outcome.residual_measured
         for watch in (0.05, 0.5)
     )
     assert short == pytest.approx(long, abs=0.003)
@@ -244,9 +282,13 @@ def test_a_shaped_move_is_judged_from_the_shaper_s_end_on(rows):
     row = rows["listed", 1, "pid_shaped"]
     assert 0.02 < row.late_s < 0.03
     whole = move_on_bench.outcome(row.recording)
-    assert row.outcome == move_on_bench.outcome(row.recording, row.late_s, SPEC.drive.torque_limit_n_m)
+    assert row.outcome == move_on_bench.outcome(
+        row.recording, row.late_s, SPEC.drive.torque_limit_n_m
+    )
     assert row.outcome.rms_torque_n_m < whole.rms_torque_n_m  # of a longer move
-    assert row.outcome.settled_s == pytest.approx(whole.settled_s)  # counted from the end that was asked for
+    assert row.outcome.settled_s == pytest.approx(
+        whole.settled_s
+    )  # counted from the end that was asked for
 
 
 @pytest.mark.parametrize(
@@ -255,14 +297,30 @@ def test_a_shaped_move_is_judged_from_the_shaper_s_end_on(rows):
         (["model.stifness_n_m_rad=3"], ConfigError, "did you mean 'stiffness_n_m_rad'"),
         (["model.stiffness_n_m_rad=-3"], Exception, "stiffness_n_m_rad = -3"),
         (["bench.load_inertia_kg_m2=-1"], ConfigError, "[bench] load_inertia_kg_m2 = -1"),
-        (["truth.listed.gear_rate=1"], ConfigError, "[truth.listed] gear_rate: unknown key, did you mean 'gear_ratio'"),
-        (["model.gear_ratio=50"], ConfigError, "[bench] gear_ratio = 100.0 with [model] gear_ratio = 50.0; must be the same"),
-        (["model.elastic_damping_n_m_s_rad=0.5"], ServoError, "pid_notch on a loop that does not swing"),
+        (
+            ["truth.listed.gear_rate=1"],
+            ConfigError,
+            "[truth.listed] gear_rate: unknown key, did you mean 'gear_ratio'",
+        ),
+        (
+            ["model.gear_ratio=50"],
+            ConfigError,
+            "[bench] gear_ratio = 100.0 with [model] gear_ratio = 50.0; must be the same",
+        ),
+        (
+            ["model.elastic_damping_n_m_s_rad=0.5"],
+            ServoError,
+            "pid_notch on a loop that does not swing",
+        ),
         (["bench.coulomb=1"], ConfigError, "coulomb_torque_n_m"),
         (["drive.period_s=0.05"], Exception, "half the sampling"),
         (["helpers.shaper='zzv'"], PlanError, "did you mean 'zv'"),
         (["lqg.state_weights=[1, 1, 1, 1, 0]"], Exception, "the last > 0"),
-        (["assigned.poles_1_s=[[-60, 60], [-60, -60], [-105, 0], [-105, 5], [-40, 0]]"], PolesOutOfReach, "conjugate"),
+        (
+            ["assigned.poles_1_s=[[-60, 60], [-60, -60], [-105, 0], [-105, 5], [-40, 0]]"],
+            PolesOutOfReach,
+            "conjugate",
+        ),
     ],
 )
 def test_what_cannot_be_had_is_refused_before_anything_moves(changes, error, said):
@@ -273,11 +331,23 @@ def test_what_cannot_be_had_is_refused_before_anything_moves(changes, error, sai
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ("move.0.motor_acceleration_rad_s2=1000", r"\[\[move\]\] motor_acceleration_rad_s2 = 1000 .*; must be >= 1117.01"),
+        (
+            "move.0.motor_acceleration_rad_s2=1000",
+            r"\[\[move\]\] motor_acceleration_rad_s2 = 1000 .*; must be >= 1117.01",
+        ),
         ("move.0.load_angle_deg=0", r"\[move.0\] load_angle_deg = 0 is no move"),
-        ("move.0.load_angle=4", r"\[move.0\] load_angle: unknown key, did you mean 'load_angle_deg'"),
-        ("move.1.time_s=0.005", r"^move.1.time_s = 0.005 with drive.period_s = 0.001; must be at least 10 samples"),
-        ("bench.disturbances=[{start_s=0, end_s=1, load_nm=3}]", r"\[bench.disturbances.0\] load_nm: .*'load_n_m'"),
+        (
+            "move.0.load_angle=4",
+            r"\[move.0\] load_angle: unknown key, did you mean 'load_angle_deg'",
+        ),
+        (
+            "move.1.time_s=0.005",
+            r"^move.1.time_s = 0.005 with drive.period_s = 0.001; must be at least 10 samples",
+        ),
+        (
+            "bench.disturbances=[{start_s=0, end_s=1, load_nm=3}]",
+            r"\[bench.disturbances.0\] load_nm: .*'load_n_m'",
+        ),
         ("move.3.time_s=1", r"'3' of a list of 3; must be 0 to 2"),
     ],
 )
@@ -286,10 +356,16 @@ def test_a_move_or_a_table_that_cannot_be_is_named(change, said):
         compare(load(None, [change]), ["listed"], ["pid"])
 
 
-@pytest.mark.parametrize("key", ["motor_inertia_kg_m2", "load_inertia_kg_m2", "stiffness_n_m_rad", "gear_ratio"])
+@pytest.mark.parametrize(
+    "key", ["motor_inertia_kg_m2", "load_inertia_kg_m2", "stiffness_n_m_rad", "gear_ratio"]
+)
 def test_a_bench_is_not_completed_from_another_rig(tmp_path, key):
-    head, bench = (Path(move_on_bench.__file__).parent / "source_001.toml").read_text().split("\n[bench]")
-    (tmp_path / "own.toml").write_text(head + "\n[bench]" + bench.replace(f"\n{key} =", f"\n# {key} =", 1))
+    head, bench = (
+        (Path(move_on_bench.__file__).parent / "source_001.toml").read_text().split("\n[bench]")
+    )
+    (tmp_path / "own.toml").write_text(
+        head + "\n[bench]" + bench.replace(f"\n{key} =", f"\n# {key} =", 1)
+    )
     with pytest.raises(ConfigError, match=rf"\[bench\] {key}: missing; add it"):
         compare(load(tmp_path / "own.toml"), ["listed"], ["pid"])
 
@@ -298,7 +374,9 @@ def test_a_bench_is_not_completed_from_another_rig(tmp_path, key):
 def test_the_page_on_drives_tells_what_comes_out(rows, truth):
     page = (Path(__file__).parents[3] / "docs" / "drives.md").read_text()
     (line,) = (line for line in page.splitlines() if line.startswith(f"| `{truth}`"))
-    pid, lqg, _, ahead = ([float(word) for word in cell.split(",")] for cell in line.split("|")[2:6])
+    pid, lqg, _, ahead = (
+        [float(word) for word in cell.split(",")] for cell in line.split("|")[2:6]
+    )
     for name, told in (("pid", pid), ("lqg", lqg), ("pid_ff", ahead)):
         found = [100.0 * rows[truth, move, name].outcome.residual for move in (1, 2, 3)]
         assert told == pytest.approx(found, abs=0.006)
@@ -318,7 +396,16 @@ def test_an_unstable_loop_is_named_and_ranked_nowhere(rig):
 
 
 def test_when_nothing_arrives_the_data_are_not_good_and_the_limit_is_named(rig):
-    code, out, _ = rig("servo", "compare", "--truth", "listed", "--controllers", "pid", "--set", "bench.torque_limit_n_m=0.1")
+    code, out, _ = rig(
+        "servo",
+        "compare",
+        "--truth",
+        "listed",
+        "--controllers",
+        "pid",
+        "--set",
+        "bench.torque_limit_n_m=0.1",
+    )
     assert code == 6
     assert "pid did not arrive: truth listed, 40° in 0.5 s" in out
     assert "its torque at the limit for" in out
@@ -351,10 +438,22 @@ def test_the_command_shows_a_table_and_says_who_leaves_less(rig):
 
 
 def test_the_command_s_document_has_every_run(rig, tmp_path):
-    code, out, _ = rig("servo", "compare", "--truth", "listed", "--controllers", "all", "--json", "--plot", tmp_path / "c.png")
+    code, out, _ = rig(
+        "servo",
+        "compare",
+        "--truth",
+        "listed",
+        "--controllers",
+        "all",
+        "--json",
+        "--plot",
+        tmp_path / "c.png",
+    )
     document = json.loads(out)
     assert code == 0
-    assert [(row["move"], row["controller"]) for row in document["rows"]] == [(m, c) for m in (1, 2, 3) for c in CONTROLLERS]
+    assert [(row["move"], row["controller"]) for row in document["rows"]] == [
+        (m, c) for m in (1, 2, 3) for c in CONTROLLERS
+    ]
     assert list(document["designs"]) == list(CONTROLLERS)
     assert len(document["designs"]["lqg"]["poles_1_s"]) == 9
     row = document["rows"][0]

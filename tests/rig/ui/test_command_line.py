@@ -13,7 +13,13 @@ JSON_KEYS = {
     "run_id", "run_dir", "mode", "exit_status", "verdict", "reasons", "planner", "move_m", "move_time_s", "measured", "sigma",
     "truth", "planned", "latency_ms", "links", "digest",
 }  # fmt: skip
-QUANTITIES = {"peak_swing_rad", "residual_swing_rad", "natural_frequency_hz", "damping_ratio", "cable_length_m"}
+QUANTITIES = {
+    "peak_swing_rad",
+    "residual_swing_rad",
+    "natural_frequency_hz",
+    "damping_ratio",
+    "cable_length_m",
+}
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +29,9 @@ def recorded(tmp_path_factory):
 
     changes = [word for word in BRIEF if word != "--set"]
     chosen = config.load("move", changes)
-    return experiment.run(chosen, "virtual", tmp_path_factory.mktemp("runs"), lambda *_: None, lambda *_: None).folder
+    return experiment.run(
+        chosen, "virtual", tmp_path_factory.mktemp("runs"), lambda *_: None, lambda *_: None
+    ).folder
 
 
 def table(name):
@@ -81,7 +89,9 @@ def test_a_run_shows_its_plan_first_and_a_table_last(rig):
 
 
 def test_two_planners_are_run_one_after_the_other_and_compared(rig):
-    code, said, _ = rig("run", "--virtual", "--no-report", "--json", "--planner", "matrix_exponential,zv", *BRIEF)
+    code, said, _ = rig(
+        "run", "--virtual", "--no-report", "--json", "--planner", "matrix_exponential,zv", *BRIEF
+    )
     runs = msgspec.json.decode(said)["runs"]
     assert code == 0
     assert [run["planner"] for run in runs] == ["matrix_exponential", "zv"]
@@ -98,10 +108,20 @@ def test_the_report_is_one_file_that_needs_nothing_else(rig):
 
 
 def test_a_plan_in_json_has_the_keys_that_scripts_rely_on(rig):
-    code, said, _ = rig("plan", "--planner", "zv", "--distance", "0.2", "--time", "1.5", "--length", "1", "--json")
+    code, said, _ = rig(
+        "plan", "--planner", "zv", "--distance", "0.2", "--time", "1.5", "--length", "1", "--json"
+    )
     document = msgspec.json.decode(said)
     assert (code, document["planner"], document["status"]) == (0, "zv", "ok")
-    assert {"model", "robust", "distance_m", "time_s", "residual_swing_nonlinear_rad", "travel_m", "compute_s"} <= set(document)
+    assert {
+        "model",
+        "robust",
+        "distance_m",
+        "time_s",
+        "residual_swing_nonlinear_rad",
+        "travel_m",
+        "compute_s",
+    } <= set(document)
 
 
 def test_a_plan_is_written_as_csv_every_ten_milliseconds(rig, tmp_path):
@@ -113,7 +133,16 @@ def test_a_plan_is_written_as_csv_every_ten_milliseconds(rig, tmp_path):
 
 def test_a_synthetic_video_is_tracked_to_its_truth(rig):
     code, said, _ = rig(
-        "sim", "--video", "v.avi", "--truth", "t.csv", "--seconds", "1", "--set", "bench.camera.pitch_deg=0", "--json"
+        "sim",
+        "--video",
+        "v.avi",
+        "--truth",
+        "t.csv",
+        "--seconds",
+        "1",
+        "--set",
+        "bench.camera.pitch_deg=0",
+        "--json",
     )
     told = msgspec.json.decode(said)
     assert (code, told["frames"]) == (0, 50)
@@ -122,13 +151,25 @@ def test_a_synthetic_video_is_tracked_to_its_truth(rig):
     seen, true = table("a.csv"), table("t.csv")
     assert code == 0
     assert list(seen[0]) == ["frame", "t_s", "angle_rad", "sigma_rad", "valid", "reason"]
-    errors = [float(a["angle_rad"]) - float(b["angle_rad"]) for a, b in zip(seen, true, strict=True)]
+    errors = [
+        float(a["angle_rad"]) - float(b["angle_rad"]) for a, b in zip(seen, true, strict=True)
+    ]
     assert max(map(abs, errors)) < 0.1e-3
 
 
 def test_equal_seeds_give_equal_videos(rig, tmp_path):
     for name in ("a", "b"):
-        rig("sim", "--video", f"{name}.avi", "--truth", f"{name}.csv", "--seconds", "0.2", "--seed", "7")
+        rig(
+            "sim",
+            "--video",
+            f"{name}.avi",
+            "--truth",
+            f"{name}.csv",
+            "--seconds",
+            "0.2",
+            "--seed",
+            "7",
+        )
     assert (tmp_path / "a.avi").read_bytes() == (tmp_path / "b.avi").read_bytes()
     assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
 
@@ -216,7 +257,15 @@ def test_a_log_that_is_none_is_told_from_one_that_was_cut_short(rig, recorded, t
 
 
 def test_a_load_that_already_swings_is_refused_with_its_amplitude_unless_allowed(rig):
-    swinging = ["run", "--virtual", "--no-report", "--json", *BRIEF, "--set", "bench.pendulum.initial_swing_rad=0.03"]
+    swinging = [
+        "run",
+        "--virtual",
+        "--no-report",
+        "--json",
+        *BRIEF,
+        "--set",
+        "bench.pendulum.initial_swing_rad=0.03",
+    ]
     code, said, _ = rig(*swinging)
     document = msgspec.json.decode(said)
     assert (code, document["exit_status"]) == (3, "stopped")
@@ -227,20 +276,39 @@ def test_a_load_that_already_swings_is_refused_with_its_amplitude_unless_allowed
 
 
 def test_a_video_without_a_cable_is_not_taken_for_one_with(rig):
-    rig("sim", "--video", "v.avi", "--truth", "t.csv", "--seconds", "0.2", "--set", "bench.camera.contrast=0")
+    rig(
+        "sim",
+        "--video",
+        "v.avi",
+        "--truth",
+        "t.csv",
+        "--seconds",
+        "0.2",
+        "--set",
+        "bench.camera.contrast=0",
+    )
     code, said, _ = rig("track", "v.avi", "--pivot", "320,-40")
     assert code == 6
     assert "check --pivot" in said.replace("\n", " ")
 
 
 def test_a_camera_that_sees_nothing_stops_the_move_as_a_fault(rig):
-    code, said, _ = rig("run", "--virtual", "--no-report", "--json", *BRIEF, "--set", "bench.camera.contrast=0")
+    code, said, _ = rig(
+        "run", "--virtual", "--no-report", "--json", *BRIEF, "--set", "bench.camera.contrast=0"
+    )
     document = msgspec.json.decode(said)
     assert (code, document["exit_status"]) == (5, "fault")
     assert "no valid cable angle" in document["reasons"][0]
 
 
-BARS = ["--links", "0.5:3.375:bar,0.5:3.375:bar", "--stiffness", "10", "--joint-damping", "2.214e-4"]
+BARS = [
+    "--links",
+    "0.5:3.375:bar,0.5:3.375:bar",
+    "--stiffness",
+    "10",
+    "--joint-damping",
+    "2.214e-4",
+]
 PLAN_KEYS = [
     "planner", "model", "robust", "distance_m", "time_s", "peak_swing_rad", "residual_swing_rad",
     "residual_swing_nonlinear_rad", "peak_speed_m_s", "rms_speed_m_s", "peak_acceleration_m_s2",
@@ -249,18 +317,38 @@ PLAN_KEYS = [
 
 
 def test_a_chain_is_planned_robustly_and_drawn(rig):
-    code, said, _ = rig("plan", *BARS, "--model", "jerk", "--robust", "length_2", "--time", 2, "--plot", "plan.svg", "--json")
+    code, said, _ = rig(
+        "plan",
+        *BARS,
+        "--model",
+        "jerk",
+        "--robust",
+        "length_2",
+        "--time",
+        2,
+        "--plot",
+        "plan.svg",
+        "--json",
+    )
     document = msgspec.json.decode(said)
     assert code == 0
     assert list(document)[: len(PLAN_KEYS)] == PLAN_KEYS
-    assert (document["model"], document["robust"], document["acceleration_continuous"]) == ("jerk", ["length_2"], True)
-    assert document["peak_acceleration_m_s2"] == pytest.approx(2.3073, rel=1e-4)  # source 004, table 4.6, exact
+    assert (document["model"], document["robust"], document["acceleration_continuous"]) == (
+        "jerk",
+        ["length_2"],
+        True,
+    )
+    assert document["peak_acceleration_m_s2"] == pytest.approx(
+        2.3073, rel=1e-4
+    )  # source 004, table 4.6, exact
     assert document["residual_swing_rad"] < 1e-11
     assert Path("plan.svg").read_text().count("<svg") == 1
 
 
 def test_a_plan_starts_from_a_swinging_load_and_weighs_states(rig):
-    code, said, _ = rig("plan", "--start", "angle_rad=0.05", "--weight", "angle_rad=500", "--time", 1.8, "--json")
+    code, said, _ = rig(
+        "plan", "--start", "angle_rad=0.05", "--weight", "angle_rad=500", "--time", 1.8, "--json"
+    )
     document = msgspec.json.decode(said)
     assert code == 0
     assert document["peak_swing_rad"] >= 0.05
@@ -274,14 +362,23 @@ def test_a_plan_starts_from_a_swinging_load_and_weighs_states(rig):
         (["--robust", "length_1"], "parameter in robust = 'length_1'; did you mean 'length'?"),
         (["--links", "0.5:3:rod"], "kind of a link = 'rod'; must be one of bar, point"),
         (["--links", "0.5"], "link = '0.5'; must be length:mass:kind in m and kg"),
-        (["--links", "0.5:1:bar", "--length", "1"], "--length 1 with --links 0.5:1:bar; must be one of the two"),
+        (
+            ["--links", "0.5:1:bar", "--length", "1"],
+            "--length 1 with --links 0.5:1:bar; must be one of the two",
+        ),
         (["--stiffness", "3"], "stiffness_n_m_rad = [3.0] without links"),
         ([*BARS[:2], "--stiffness", "1,2"], "stiffness_n_m_rad: 2 values; must be 1"),
         (["--stiffness", "much"], "--stiffness 'much'; must be numbers with commas"),
         (["--start", "angle_rad"], "--start 'angle_rad'; must be state=value"),
-        (["--model", "torque"], "input = 'torque'; did you mean 'force'? must be one of acceleration, force, jerk"),
+        (
+            ["--model", "torque"],
+            "input = 'torque'; did you mean 'force'? must be one of acceleration, force, jerk",
+        ),
         (["--time", "nan"], "time_s = nan; must be > 0 and finite"),
-        (["--nonlinear"], "nonlinear = True for matrix_exponential; must be False: take collocation"),
+        (
+            ["--nonlinear"],
+            "nonlinear = True for matrix_exponential; must be False: take collocation",
+        ),
         (["--planner", "zvd", "--time", "2"], "time_s = 2.0; must be > 2.006067"),
         (["--plot", "plan.doc"], "--plot 'plan.doc'; must end in one of .svg, .png, .pdf"),
     ],
@@ -293,25 +390,41 @@ def test_a_plan_that_cannot_be_is_refused_by_name(rig, words, told):
 
 
 def test_a_chain_is_not_run_on_a_bench_with_one_link(rig):
-    code, _, why = rig("run", "move", "--virtual", "--set", 'model.links=["0.5:3.375:bar", "0.5:3.375:bar"]')
+    code, _, why = rig(
+        "run", "move", "--virtual", "--set", 'model.links=["0.5:3.375:bar", "0.5:3.375:bar"]'
+    )
     assert code == 3
     assert "[model] links names 2 links, [bench.pendulum] hangs on 1" in why
 
 
-@pytest.mark.parametrize("planner", ["finite_differences", "shooting", "collocation", "convolution", "zvd", "ei", "zv_joint"])
+@pytest.mark.parametrize(
+    "planner",
+    ["finite_differences", "shooting", "collocation", "convolution", "zvd", "ei", "zv_joint"],
+)
 def test_every_kind_of_planner_runs_on_the_rig(rig, planner):
     limits = ["--set", "move.time_s=2.6", "--set", "move.distance_m=0.1"]
-    code, said, _ = rig("run", "move", "--virtual", "--no-report", "--json", "--planner", planner, *BRIEF, *limits)
+    code, said, _ = rig(
+        "run", "move", "--virtual", "--no-report", "--json", "--planner", planner, *BRIEF, *limits
+    )
     document = msgspec.json.decode(said)
     assert (code, document["planner"], document["verdict"]) == (0, planner, "good")
 
 
 def test_a_robust_jerk_plan_is_an_experiment(rig):
-    words = ["--set", 'plan.input="jerk"', "--set", 'plan.robust=["length"]', "--set", "move.time_s=2.5"]
+    words = [
+        "--set",
+        'plan.input="jerk"',
+        "--set",
+        'plan.robust=["length"]',
+        "--set",
+        "move.time_s=2.5",
+    ]
     code, said, _ = rig("run", "move", "--virtual", "--no-report", "--json", *BRIEF, *words)
     document = msgspec.json.decode(said)
     assert (code, document["verdict"]) == (0, "good")
-    assert document["truth"]["residual_swing_rad"] < 0.4e-3  # the plain plan leaves 1.6 mrad on a cable 2 cm shorter
+    assert (
+        document["truth"]["residual_swing_rad"] < 0.4e-3
+    )  # the plain plan leaves 1.6 mrad on a cable 2 cm shorter
 
 
 def test_a_published_table_is_shown_with_its_verdicts(rig):
@@ -331,14 +444,23 @@ def test_a_published_table_is_shown_with_its_verdicts(rig):
 @pytest.mark.parametrize(
     ("planner", "changes"),
     [
-        ("law", ['plan.law="modified_sine"', "move.time_s=3.3637"]),  # leaves no swing of this cable by itself
+        (
+            "law",
+            ['plan.law="modified_sine"', "move.time_s=3.3637"],
+        ),  # leaves no swing of this cable by itself
         ("zv", ['plan.law="quintic"', 'plan.input="jerk"']),
         ("zvd", ['plan.law="double_s"']),
     ],
 )
 def test_any_law_runs_on_the_rig_as_it_is_or_shaped(rig, planner, changes):
-    words = [word for change in ["move.time_s=2.6", "model.length_m=0.98", *changes] for word in ("--set", change)]
-    code, said, _ = rig("run", "move", "--virtual", "--no-report", "--json", "--planner", planner, *BRIEF, *words)
+    words = [
+        word
+        for change in ["move.time_s=2.6", "model.length_m=0.98", *changes]
+        for word in ("--set", change)
+    ]
+    code, said, _ = rig(
+        "run", "move", "--virtual", "--no-report", "--json", "--planner", planner, *BRIEF, *words
+    )
     document = msgspec.json.decode(said)
     assert (code, document["planner"], document["verdict"]) == (0, planner, "good")
     assert document["truth"]["residual_swing_rad"] < 1e-3

@@ -18,7 +18,16 @@ from rig.studies.published_laws import PUBLISHED
 DATA = Path(__file__).parents[2] / "data"
 COEFFICIENTS = tomllib.loads((DATA / "laws.toml").read_text())["coefficients"]
 MOTOR = tomllib.loads((DATA / "spectra.toml").read_text())["motor"]
-MOTOR_OPTIONS = ("--continuous-torque", 8, "--peak-torque", 20, "--max-speed", 10, "--motor-inertia", 1)
+MOTOR_OPTIONS = (
+    "--continuous-torque",
+    8,
+    "--peak-torque",
+    20,
+    "--max-speed",
+    10,
+    "--motor-inertia",
+    1,
+)
 
 
 @pytest.fixture
@@ -54,11 +63,15 @@ def test_the_catalogue_in_json_is_a_list_with_the_promised_keys_of_every_law(tol
     assert all(set(row) == {"name", "cv", "ca", "cv_rms", "ca_rms", "continuity"} for row in rows)
 
 
-def test_the_catalogue_and_its_published_figures_are_those_of_the_source_right_where_it_is_wrong(told):
+def test_the_catalogue_and_its_published_figures_are_those_of_the_source_right_where_it_is_wrong(
+    told,
+):
     rows = {row["name"]: row for row in told("laws", "--published")}
     for known in COEFFICIENTS:
         row = rows[known["law"]]
-        assert [row[key] for key in ("cv", "ca", "cv_rms", "ca_rms")] == pytest.approx(known["right"], rel=1e-11)
+        assert [row[key] for key in ("cv", "ca", "cv_rms", "ca_rms")] == pytest.approx(
+            known["right"], rel=1e-11
+        )
         assert list(row["published"].values()) == known["published"]
         assert row["wrong"] == known["wrong"]
         assert bool(row["reason"]) == bool(known["wrong"])
@@ -76,7 +89,9 @@ def test_the_tables_show_swing_free_durations_and_both_figures_side_by_side(rig)
 
 
 def test_least_times_are_sorted_keep_the_limits_and_reach_one(told):
-    document = told("laws", "compare", "--distance", "-0.3", "--vmax", "0.5", "--amax", "2", "--jmax", "30")
+    document = told(
+        "laws", "compare", "--distance", "-0.3", "--vmax", "0.5", "--amax", "2", "--jmax", "30"
+    )
     times = [move["time_s"] for move in document["laws"] if move["time_s"] is not None]
     assert times == sorted(times)
     assert len(document["laws"]) == len(LAWS)
@@ -87,26 +102,39 @@ def test_least_times_are_sorted_keep_the_limits_and_reach_one(told):
         assert move["meets"]
         assert all(peaks[key] == pytest.approx(limits[key], rel=1e-8) for key in move["meets"])
     assert all(move["reason"] and move["time_s"] is None for move in document["laws"][len(times) :])
-    assert {"cubic", "harmonic", "trapezoidal"} <= {move["name"] for move in document["laws"][len(times) :]}
+    assert {"cubic", "harmonic", "trapezoidal"} <= {
+        move["name"] for move in document["laws"][len(times) :]
+    }
 
 
 def test_laws_of_segments_take_the_least_time_of_their_kind(told):
     v, a, j, h = 0.5, 2.0, 30.0, 0.3
     jerky = {
-        move["name"]: move for move in told("laws", "compare", "--distance", h, "--vmax", v, "--amax", a, "--jmax", j)["laws"]
+        move["name"]: move
+        for move in told("laws", "compare", "--distance", h, "--vmax", v, "--amax", a, "--jmax", j)[
+            "laws"
+        ]
     }
     smooth = {
         move["name"]: move
-        for move in told("laws", "compare", "--distance", h, "--vmax", v, "--amax", a, "--jmax", j, "--smax", 900)["laws"]
+        for move in told(
+            "laws", "compare", "--distance", h, "--vmax", v, "--amax", a, "--jmax", j, "--smax", 900
+        )["laws"]
     }
-    assert jerky["double_s"]["time_s"] == pytest.approx(double_s_within(h, v, a, j).duration_s, rel=1e-12)
-    assert smooth["fifteen_segments"]["time_s"] == pytest.approx(h / v + v / a + a / j + j / 900, rel=1e-12)
+    assert jerky["double_s"]["time_s"] == pytest.approx(
+        double_s_within(h, v, a, j).duration_s, rel=1e-12
+    )
+    assert smooth["fifteen_segments"]["time_s"] == pytest.approx(
+        h / v + v / a + a / j + j / 900, rel=1e-12
+    )
     assert smooth["double_s"]["time_s"] is None
 
 
 def test_the_swing_left_after_the_least_time_is_that_of_an_independent_integration(told):
     length, h = 0.6, 0.5
-    document = told("laws", "compare", "--distance", h, "--load-length", length, "--vmax", 1, "--amax", 5)
+    document = told(
+        "laws", "compare", "--distance", h, "--load-length", length, "--vmax", 1, "--amax", 5
+    )
     moves = {move["name"]: move for move in document["laws"]}
     assert moves["trapezoidal"]["time_s"] == pytest.approx(h / 1 + 1 / 5, rel=1e-12)
     move = moves["cycloidal"]
@@ -115,14 +143,18 @@ def test_the_swing_left_after_the_least_time_is_that_of_an_independent_integrati
 
     def swing(sine, cosine):
         def rate(t, x):
-            push = 2 * math.pi * h / move["time_s"] ** 2 * math.sin(2 * math.pi * t / move["time_s"])
+            push = (
+                2 * math.pi * h / move["time_s"] ** 2 * math.sin(2 * math.pi * t / move["time_s"])
+            )
             return x[1], -w2 * sine(x[0]) - push / length * cosine(x[0])
 
         angle, speed = solve_ivp(rate, (0, move["time_s"]), (0, 0), rtol=1e-11, atol=1e-13).y[:, -1]
         return math.hypot(angle, speed / math.sqrt(w2))
 
     assert move["residual_swing_rad"] == pytest.approx(swing(lambda x: x, lambda x: 1.0), rel=1e-8)
-    assert move["residual_swing_nonlinear_rad"] == pytest.approx(swing(math.sin, math.cos), rel=1e-3)
+    assert move["residual_swing_nonlinear_rad"] == pytest.approx(
+        swing(math.sin, math.cos), rel=1e-3
+    )
     assert move["swing_free_time_s"] == pytest.approx(2.0 * period, rel=1e-9)
 
 
@@ -146,7 +178,10 @@ def test_a_comparison_without_sense_is_refused_by_name(rig, words, said):
 
 def test_one_law_some_laws_and_all_of_them_are_drawn(told, tmp_path):
     assert told("laws", "plot", "--plot", "all.svg")["laws"] == list(LAWS)
-    assert told("laws", "plot", "cubic", "cubic", "double_s", "--plot", "two.svg")["laws"] == ["cubic", "double_s"]
+    assert told("laws", "plot", "cubic", "cubic", "double_s", "--plot", "two.svg")["laws"] == [
+        "cubic",
+        "double_s",
+    ]
     assert "<svg" in (tmp_path / "all.svg").read_text()
     assert "<svg" in (tmp_path / "two.svg").read_text()
 
@@ -170,8 +205,12 @@ def test_an_option_before_a_verb_of_laws_is_told_where_it_belongs(rig):
 
 
 @pytest.mark.parametrize("start", ["equal", "proportional", "sqrt"])
-@pytest.mark.parametrize(("kind", "least_s"), [("cubic", 6 + math.sqrt(21)), ("four_three_four", 12.089598)])
-def test_the_least_time_through_the_points_of_source_003_is_found_from_every_start(told, points, kind, start, least_s):
+@pytest.mark.parametrize(
+    ("kind", "least_s"), [("cubic", 6 + math.sqrt(21)), ("four_three_four", 12.089598)]
+)
+def test_the_least_time_through_the_points_of_source_003_is_found_from_every_start(
+    told, points, kind, start, least_s
+):
     file = points("x_m", "0", "2", "12", "5")
     document = told("spline", file, "--kind", kind, "--allocation", start, "--vmax", 3, "--amax", 2)
     assert document["duration_s"] == pytest.approx(least_s, abs=1e-5)
@@ -184,7 +223,9 @@ def test_only_scaled_allocations_take_the_times_known_of_them(told, points):
     file = points("x_m", "0", "2", "12", "5")
     known = {"equal": 13.7477, "proportional": 16.1856, "sqrt": 11.9515}
     for name, time_s in known.items():
-        document = told("spline", file, "--kind", "cubic", "--allocation", name, "--vmax", 3, "--amax", 2)
+        document = told(
+            "spline", file, "--kind", "cubic", "--allocation", name, "--vmax", 3, "--amax", 2
+        )
         assert document["allocated_duration_s"] == pytest.approx(time_s, abs=1e-4)
 
 
@@ -195,13 +236,17 @@ def test_a_cubic_through_the_file_s_times_is_scipy_s_and_its_csv_too(told, point
     truth = CubicSpline(t - 2.0, x, bc_type="clamped")
     turns = [0.0, 2.0, *truth.derivative().roots(extrapolate=False)]
     assert document["times_s"] == pytest.approx(t - 2.0)
-    assert document["axes"]["x"]["position_m"]["high"] == pytest.approx(truth(turns).max(), rel=1e-12)
+    assert document["axes"]["x"]["position_m"]["high"] == pytest.approx(
+        truth(turns).max(), rel=1e-12
+    )
     with Path("out.csv").open() as source:
         rows = list(csv.DictReader(source))
     assert len(rows) == 201
     times = np.array([float(row["t_s"]) for row in rows])
     for order, column in enumerate(("x_m", "x_m_s", "x_m_s2")):
-        np.testing.assert_allclose([float(row[column]) for row in rows], truth(times, order), rtol=1e-8, atol=1e-8)
+        np.testing.assert_allclose(
+            [float(row[column]) for row in rows], truth(times, order), rtol=1e-8, atol=1e-8
+        )
 
 
 def test_three_axes_share_their_times_and_keep_the_limits_together(told, points):
@@ -216,7 +261,9 @@ def test_three_axes_share_their_times_and_keep_the_limits_together(told, points)
 
 
 def test_a_total_time_is_shared_by_the_distance_and_gives_scipy_s_b_spline(told, points):
-    document = told("spline", points("x_m", "0", "1", "5", "4"), "--time", 7, "--allocation", "proportional")
+    document = told(
+        "spline", points("x_m", "0", "1", "5", "4"), "--time", 7, "--allocation", "proportional"
+    )
     t = np.array([0.0, 7 / 6, 35 / 6, 7.0])
     assert document["times_s"] == pytest.approx(t)
     ends = [(1, 0.0), (2, 0.0)]
@@ -237,7 +284,9 @@ def test_blends_pass_by_their_points_at_the_distance_of_the_closed_form(told, po
     file = points("t_s,x_m", "0,0", "1,1", "2,0.5", "3,0.5")
     document = told("spline", file, "--kind", "blends", "--amax", 20)
     first = 1.0 / (1.0 - (1.0 - math.sqrt(1.0 - 2.0 / 20.0)) / 2.0)  # speed of the first line
-    assert document["axes"]["x"]["largest_miss_m"] == pytest.approx((first + 0.5) ** 2 / (8 * 20), rel=1e-9)
+    assert document["axes"]["x"]["largest_miss_m"] == pytest.approx(
+        (first + 0.5) ** 2 / (8 * 20), rel=1e-9
+    )
 
 
 def test_a_broken_limit_ends_in_3_and_says_where(rig, points):
@@ -249,12 +298,22 @@ def test_a_broken_limit_ends_in_3_and_says_where(rig, points):
 
 
 def test_a_jerk_limit_counts_the_step_of_a_cubic_s_acceleration(told, points):
-    document = told("spline", points("t_s,x_m", "0,0", "1,0.1", "2,0.5"), "--kind", "cubic", "--jmax", 1e6, code=3)
+    document = told(
+        "spline",
+        points("t_s,x_m", "0,0", "1,0.1", "2,0.5"),
+        "--kind",
+        "cubic",
+        "--jmax",
+        1e6,
+        code=3,
+    )
     assert "without bound" in document["warnings"][0]
 
 
 def test_a_motion_is_drawn_and_told_as_a_table(rig, points, tmp_path):
-    code, said, _ = rig("spline", points("x_m,z_m", "0,0", "1,0.3", "0.5,0"), "--time", 3, "--plot", "motion.svg")
+    code, said, _ = rig(
+        "spline", points("x_m,z_m", "0,0", "1,0.3", "0.5,0"), "--time", 3, "--plot", "motion.svg"
+    )
     assert code == 0
     assert "acceleration [m/s²]" in said
     assert "<svg" in (tmp_path / "motion.svg").read_text()
@@ -277,7 +336,11 @@ def test_a_motion_is_drawn_and_told_as_a_table(rig, points, tmp_path):
         (("x_m", "0", "1", "2"), ("--kind", "blends", "--time", 2), ("--amax",)),
         (("x_m", "0", "1", "2"), ("--kind", "cubik", "--time", 2), ("did you mean 'cubic'",)),
         (("x_m", "0", "1", "2"), ("--allocation", "eqal", "--time", 2), ("did you mean 'equal'",)),
-        (("x_m", "0", "1", "2"), ("--kind", "cubic", "--vmax", 1, "--jmax", 1), ("jerk_m_s3", "cubic")),
+        (
+            ("x_m", "0", "1", "2"),
+            ("--kind", "cubic", "--vmax", 1, "--jmax", 1),
+            ("jerk_m_s3", "cubic"),
+        ),
         (("x_m", "0", "1", "2"), ("--vmax", -1), ("speed_m_s = -1",)),
     ],
 )
@@ -310,7 +373,9 @@ def test_the_worked_tasks_show_the_printed_figure_and_the_right_one(told, rig, e
 
 
 def test_a_task_of_options_alone_is_the_example_s(told):
-    document = told("motor-check", *MOTOR_OPTIONS, "--motor-friction", 0.3, "--angle", 15, "--time", 3)
+    document = told(
+        "motor-check", *MOTOR_OPTIONS, "--motor-friction", 0.3, "--angle", 15, "--time", 3
+    )
     assert document["margins"] == told("motor-check", "--example", "1")["margins"]
 
 
@@ -332,7 +397,9 @@ def test_a_motor_that_is_too_hot_is_refused_and_the_rest_it_names_is_enough(told
     assert "rms torque" in document["reasons"][0]
     assert document["published"]["rms_torque_n_m"] == 7.7104
     rest = document["least_rest_s"]
-    assert told(*words, "--rest", rest * (1 + 1e-9))["margins"]["thermal"] == pytest.approx(0.0, abs=1e-8)
+    assert told(*words, "--rest", rest * (1 + 1e-9))["margins"]["thermal"] == pytest.approx(
+        0.0, abs=1e-8
+    )
     assert told(*words, "--rest", rest * 0.99, code=3)["tightest"] == "thermal"
 
 
@@ -343,7 +410,9 @@ def test_a_file_is_read_and_options_win_over_it(told, rig, tmp_path):
         '[motion]\nlaw = "trapezoidal"\ndistance_m = 1.5\ntime_s = 3\nacceleration_m_s2 = 1.5\n'
     )
     assert told("motor-check", "task.toml")["peak_torque_n_m"] == pytest.approx(15.0, rel=1e-12)
-    assert told("motor-check", "task.toml", "--acceleration", 1.0)["peak_torque_n_m"] == pytest.approx(10.0, rel=1e-12)
+    assert told("motor-check", "task.toml", "--acceleration", 1.0)[
+        "peak_torque_n_m"
+    ] == pytest.approx(10.0, rel=1e-12)
     code, said, _ = rig("motor-check", "task.toml", "--peak-power", 50, "--plot", "motor.svg")
     assert code == 3
     assert "peak power" in said
@@ -385,7 +454,9 @@ def test_an_unknown_key_and_a_broken_file_are_named(rig, tmp_path):
     assert "not valid TOML" in complaint
 
 
-@pytest.mark.parametrize("verb", [("laws",), ("laws", "compare"), ("laws", "plot"), ("spline",), ("motor-check",)])
+@pytest.mark.parametrize(
+    "verb", [("laws",), ("laws", "compare"), ("laws", "plot"), ("spline",), ("motor-check",)]
+)
 def test_every_new_verb_explains_itself(rig, verb):
     code, said, _ = rig(*verb, "--help")
     assert code == 0
@@ -417,7 +488,12 @@ def test_a_long_way_under_a_short_cable_is_compared_in_seconds(rig):
 
 
 @pytest.mark.parametrize(
-    "words", [("spline", "--json"), ("motor-check", "--time", "abc", "--json"), ("plan", "--bogus", "--json")]
+    "words",
+    [
+        ("spline", "--json"),
+        ("motor-check", "--time", "abc", "--json"),
+        ("plan", "--bogus", "--json"),
+    ],
 )
 def test_a_command_line_that_cannot_be_understood_gives_a_document_too(rig, words):
     code, said, why = rig(*words)

@@ -47,15 +47,21 @@ def shaded(panel, d_mm, p_mm):
 
 def points_of(panel, label):
     line = next(line for line in panel.lines if line.get_label() == label)
-    return sorted((round(float(d), 9), round(float(p), 9)) for d, p in zip(*line.get_data(), strict=True))
+    return sorted(
+        (round(float(d), 9), round(float(p), 9)) for d, p in zip(*line.get_data(), strict=True)
+    )
 
 
 def sizes_of(group):
-    return sorted((round(1e3 * a.candidate.diameter_m, 9), round(1e3 * a.candidate.lead_m, 9)) for a in group)
+    return sorted(
+        (round(1e3 * a.candidate.diameter_m, 9), round(1e3 * a.candidate.lead_m, 9)) for a in group
+    )
 
 
 def test_the_legend_says_on_which_side_of_each_limit_a_screw_is_admissible(chart):
-    wishes = Wishes(life_h=2e7, sag_m=5e-5, position_error_m=1e-5, angle_error_rad=1.5e-3, stiffness_n_m=4e7)
+    wishes = Wishes(
+        life_h=2e7, sag_m=5e-5, position_error_m=1e-5, angle_error_rad=1.5e-3, stiffness_n_m=4e7
+    )
     panel, _ = chart(replace(AXIS, wishes=wishes))
     assert legend_of(panel)[:9] == [
         "admissible by the lines",
@@ -77,7 +83,9 @@ def test_the_shaded_region_holds_the_screws_that_keep_all_lines_and_no_other(cha
     assert not shaded(panel, 25.0, 20.0)  # d n
     assert not shaded(panel, 16.0, 16.0)  # whirling
     assert not shaded(panel, 4.0, 40.0)  # buckling and whirling
-    capped, _ = chart(replace(AXIS, wishes=Wishes(position_error_m=1e-5, angle_error_rad=2e-3)))  # 31.4 mm
+    capped, _ = chart(
+        replace(AXIS, wishes=Wishes(position_error_m=1e-5, angle_error_rad=2e-3))
+    )  # 31.4 mm
     assert shaded(capped, 25.0, 30.0)
     assert not shaded(capped, 25.0, 33.0)
 
@@ -85,7 +93,9 @@ def test_the_shaded_region_holds_the_screws_that_keep_all_lines_and_no_other(cha
 def test_every_screw_is_a_mark_that_says_whether_it_fits(chart):
     panel, found = chart()
     assert points_of(panel, "does not fit") == sizes_of([a for a in found if a.broken])
-    assert points_of(panel, "fits as far as is told") == sizes_of([a for a in found if a.admissible])
+    assert points_of(panel, "fits as far as is told") == sizes_of(
+        [a for a in found if a.admissible]
+    )
     assert points_of(panel, "the one judged") == [(20.0, 20.0)]
     told, all_told = chart(replace(AXIS, wishes=Wishes()), choice=SIZING.catalogue["25x25"])
     assert points_of(told, "screw that fits") == sizes_of([a for a in all_told if a.admissible])
@@ -103,7 +113,9 @@ def test_the_star_is_where_the_region_begins(chart):
 
 
 def test_a_region_that_is_empty_says_so(chart):
-    panel, _ = chart(replace(AXIS, wishes=Wishes(position_error_m=1e-5, angle_error_rad=6e-3)))  # 10.5 mm at most
+    panel, _ = chart(
+        replace(AXIS, wishes=Wishes(position_error_m=1e-5, angle_error_rad=6e-3))
+    )  # 10.5 mm at most
     assert "no diameter and lead of the chart\nkeep all lines" in written_on(panel)
     assert "admissible by the lines" not in legend_of(panel)
     assert "no diameter" not in written_on(chart()[0])
@@ -111,7 +123,9 @@ def test_a_region_that_is_empty_says_so(chart):
 
 def test_a_limit_off_the_chart_is_a_note_and_no_line(chart):
     soft = replace(
-        AXIS, bearing_n_m=1e6, wishes=Wishes(stiffness_n_m=1e7, sag_m=1.0, position_error_m=1.0, angle_error_rad=1.0)
+        AXIS,
+        bearing_n_m=1e6,
+        wishes=Wishes(stiffness_n_m=1e7, sag_m=1.0, position_error_m=1.0, angle_error_rad=1.0),
     )
     panel, _ = chart(soft)
     for words in ("stiffness: off the chart, kept nowhere", "sag: off the chart, kept everywhere"):
@@ -142,7 +156,10 @@ def test_what_a_named_screw_breaks_stands_beside_the_chart(chart):
 
 def test_no_more_than_a_few_screws_are_told_beside_the_chart(chart):
     weak = replace(AXIS.motor, continuous_torque_n_m=1e-3)
-    entries = tuple(replace(SIZING.choice, name=f"no. {k}", diameter_m=0.022 + 1e-3 * k, lead_m=0.04) for k in range(TOLD + 4))
+    entries = tuple(
+        replace(SIZING.choice, name=f"no. {k}", diameter_m=0.022 + 1e-3 * k, lead_m=0.04)
+        for k in range(TOLD + 4)
+    )
     panel, _ = chart(replace(AXIS, motor=weak), choice=entries[0], entries=entries)
     assert written_on(panel).count("breaks") == TOLD
     assert "and 4 more" in written_on(panel)

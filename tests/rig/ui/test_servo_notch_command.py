@@ -43,7 +43,9 @@ def test_poles_margins_and_responses_of_all_places_are_those_of_the_reference(to
             close(row["hidden"], [known["hidden_rad_s"]], [known["hidden_damping"]])
         assert row["motor_step_variation"] == pytest.approx(known["motor_step_variation"], rel=2e-4)
         assert row["load_step_variation"] == pytest.approx(known["load_step_variation"], rel=2e-4)
-        assert row["position_step_peak_rad_s"] == pytest.approx(known["position_step_peak_rad_s"], rel=2e-4)
+        assert row["position_step_peak_rad_s"] == pytest.approx(
+            known["position_step_peak_rad_s"], rel=2e-4
+        )
         assert row["oscillation"] == pytest.approx(known["oscillation"], abs=1e-3)
         assert row["settling_s"] == pytest.approx(known["settling_s"], abs=3e-4)
         assert row["overshoot"] < 1e-6
@@ -61,19 +63,33 @@ def test_the_variation_after_a_torque_on_the_load_is_that_of_an_integration_of_t
         motor, speed, load, load_speed, integral = x
         error = -gains["position_gain_1_s"] * motor - speed
         torque = gains["speed_gain_n_m_s_rad"] * (error + integral / gains["reset_time_s"])
-        twist = j["stiffness_n_m_rad"] * (motor - load) + j["elastic_damping_n_m_s_rad"] * (speed - load_speed)
-        motor_rate = (torque - twist - j["motor_friction_n_m_s_rad"] * speed) / j["motor_inertia_kg_m2"]
+        twist = j["stiffness_n_m_rad"] * (motor - load) + j["elastic_damping_n_m_s_rad"] * (
+            speed - load_speed
+        )
+        motor_rate = (torque - twist - j["motor_friction_n_m_s_rad"] * speed) / j[
+            "motor_inertia_kg_m2"
+        ]
         return speed, motor_rate, load_speed, (twist + 1.0) / jl, error
 
-    found = solve_ivp(rate, (0.0, 1.5), np.zeros(5), t_eval=np.linspace(0.0, 1.5, 6001), rtol=1e-8, atol=1e-10)
+    found = solve_ivp(
+        rate, (0.0, 1.5), np.zeros(5), t_eval=np.linspace(0.0, 1.5, 6001), rtol=1e-8, atol=1e-10
+    )
     assert row["load_step_variation"] == pytest.approx(np.abs(np.diff(found.y[3])).sum(), rel=1e-3)
 
 
 def opened(row, omega):
     """The example's position loop at j omega: Kpp / s, the notch upstream, and the speed loop closed around the one inside."""
     s, jm, jl, k, d = 1j * omega, 0.5, 0.5, 0.5 * 200.0**2, 2.0 * 0.1 * 200.0 * 0.5
-    tuned = row["notch"] or {"frequency_rad_s": 1.0, "numerator_damping": 1.0, "denominator_damping": 1.0}
-    w, low, high = tuned["frequency_rad_s"], tuned["numerator_damping"], tuned["denominator_damping"]
+    tuned = row["notch"] or {
+        "frequency_rad_s": 1.0,
+        "numerator_damping": 1.0,
+        "denominator_damping": 1.0,
+    }
+    w, low, high = (
+        tuned["frequency_rad_s"],
+        tuned["numerator_damping"],
+        tuned["denominator_damping"],
+    )
     notch = (s * s + 2.0 * low * w * s + w * w) / (s * s + 2.0 * high * w * s + w * w)
     inside, upstream = (notch, 1.0) if row["name"] == "inside" else (1.0, notch)
     plant = (jl * s * s + d * s + k) / (s * (jm * jl * s * s + (jm + jl) * (d * s + k)))
@@ -108,10 +124,16 @@ def test_a_joint_of_one_s_own_is_read_from_the_model_of_a_comparison(told, tmp_p
     drive = FIGURES["drive"] | {"stiffness_n_m_rad": 12.0}
     lines = [f"{key} = {value}" for key, value in drive.items()]
     move = ["load_angle_deg = 40.0", "time_s = 0.5", "motor_acceleration_rad_s2 = 1200.0"]
-    (tmp_path / "mine.toml").write_text("\n".join(["[[move]]", *move, "[model]", *lines, "[bench]", *lines]))
+    (tmp_path / "mine.toml").write_text(
+        "\n".join(["[[move]]", *move, "[model]", *lines, "[bench]", *lines])
+    )
     jm, jl = drive["motor_inertia_kg_m2"], drive["load_inertia_kg_m2"] / drive["gear_ratio"] ** 2
     k, d, dm = 12.0, drive["elastic_damping_n_m_s_rad"], drive["motor_friction_n_m_s_rad"]
-    (pole,) = (p for p in np.roots([jm * jl, (jm + jl) * d + jl * dm, (jm + jl) * k + dm * d, dm * k]) if p.imag > 0.0)
+    (pole,) = (
+        p
+        for p in np.roots([jm * jl, (jm + jl) * d + jl * dm, (jm + jl) * k + dm * d, dm * k])
+        if p.imag > 0.0
+    )
     notch = told("--joint", "mine.toml")["placements"][1]["notch"]
     assert notch["frequency_rad_s"] == pytest.approx(abs(pole), rel=1e-9)
     assert notch["numerator_damping"] == pytest.approx(-pole.real / abs(pole), rel=1e-9)
@@ -129,14 +151,18 @@ def test_a_notch_tuned_wrongly_no_longer_hides_the_pair(told):
     right = {row["name"]: row for row in document["placements"]}
     for row in document["detuned"]:
         known = right[row["name"]]
-        assert row["notch"]["frequency_rad_s"] == pytest.approx(row["factor"] * known["notch"]["frequency_rad_s"], rel=1e-12)
+        assert row["notch"]["frequency_rad_s"] == pytest.approx(
+            row["factor"] * known["notch"]["frequency_rad_s"], rel=1e-12
+        )
         assert row["hidden"] == []
         least = min(mode["damping"] for mode in row["position_modes"])
         assert least < min(mode["damping"] for mode in known["position_modes"])
 
 
 @pytest.mark.parametrize("known", FIGURES["notch"]["sampled"][:2])
-def test_without_prewarp_the_digital_notch_of_the_printed_mode_moves_as_the_reference_says(told, known):
+def test_without_prewarp_the_digital_notch_of_the_printed_mode_moves_as_the_reference_says(
+    told, known
+):
     rows = told("--joint", "fitted", "--sample-time", known["period_s"])["sampled"]
     row = next(row for row in rows if row["name"] == "inside")
     assert row["frequency_rad_s"] == pytest.approx(known["frequency_rad_s"], rel=1e-8)
@@ -158,7 +184,9 @@ def test_the_tables_show_the_figures_and_say_what_is_inferred(rig, tmp_path):
     assert next(line for line in lines if line.startswith("inside: ")).startswith(
         "inside: worse damped, 0.251 instead of 0.391"
     )
-    assert next(line for line in lines if line.startswith("upstream: ")).startswith("upstream: better damped, 0.927")
+    assert next(line for line in lines if line.startswith("upstream: ")).startswith(
+        "upstream: better damped, 0.927"
+    )
     assert (tmp_path / "poles.svg").stat().st_size > 10_000
     assert "Fitted" in rig("servo", "notch", "--joint", "fitted")[1]
 
@@ -166,7 +194,10 @@ def test_the_tables_show_the_figures_and_say_what_is_inferred(rig, tmp_path):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("--joint", "lifted"), "did you mean 'listed'? must be one of FILE.toml (its [model]), fitted, listed, normalised"),
+        (
+            ("--joint", "lifted"),
+            "did you mean 'listed'? must be one of FILE.toml (its [model]), fitted, listed, normalised",
+        ),
         (("--joint", "mine.toml"), "'mine.toml' cannot be read"),
         (("--damping", "0"), "the joint's pair at 282.843 rad/s is undamped; must be damped"),
         (("--speed-loop", "-1"), "--speed-loop = -1.0; must be 0.001 to 1000"),
@@ -179,9 +210,15 @@ def test_the_tables_show_the_figures_and_say_what_is_inferred(rig, tmp_path):
         (("--speed-loop", "0"), "--speed-loop = 0.0; must be"),
         (("--notch-damping", "0.1"), "--notch-damping 0.1; must be > 0.1414"),
         (("--detune", "0"), "--detune = 0.0; must be 0.1 to 10"),
-        (("--sample-time", "0.02"), "frequency_rad_s = 282.843 rad/s with a sample time of 0.02 s; must be < 157.08 rad/s"),
+        (
+            ("--sample-time", "0.02"),
+            "frequency_rad_s = 282.843 rad/s with a sample time of 0.02 s; must be < 157.08 rad/s",
+        ),
         (("--sample-time", "0"), "--sample-time = 0.0; must be"),
-        (("--speed-loop", "0.5", "--damping", "0.6"), "leaves a speed loop without a pair of poles"),
+        (
+            ("--speed-loop", "0.5", "--damping", "0.6"),
+            "leaves a speed loop without a pair of poles",
+        ),
         (("--plot", "poles.txt"), "must end in one of"),
         (("--plot", "nowhere/poles.svg"), "no folder 'nowhere'"),
     ],

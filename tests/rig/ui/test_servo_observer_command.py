@@ -30,19 +30,33 @@ def test_the_elastic_pair_over_the_time_constant_is_the_reference_s(told):
     rows = document["rows"]
     assert [row["time_constant_s"] for row in rows] == KNOWN["time_constant_s"]
     pairs = [row["rigid_nominal"]["least_damped"] for row in rows]
-    assert [pair["frequency_rad_s"] for pair in pairs] == pytest.approx(KNOWN["elastic_rad_s"], rel=1e-6)
+    assert [pair["frequency_rad_s"] for pair in pairs] == pytest.approx(
+        KNOWN["elastic_rad_s"], rel=1e-6
+    )
     assert [pair["damping"] for pair in pairs] == pytest.approx(KNOWN["elastic_damping"], rel=1e-6)
-    assert document["locked_rotor"]["frequency_rad_s"] == pytest.approx(KNOWN["locked_rotor_rad_s"], rel=1e-6)
-    assert document["locked_rotor"]["damping"] == pytest.approx(KNOWN["locked_rotor_damping"], rel=1e-6)
+    assert document["locked_rotor"]["frequency_rad_s"] == pytest.approx(
+        KNOWN["locked_rotor_rad_s"], rel=1e-6
+    )
+    assert document["locked_rotor"]["damping"] == pytest.approx(
+        KNOWN["locked_rotor_damping"], rel=1e-6
+    )
     for row in rows:
-        assert row["elastic_nominal"]["least_damped"] == pytest.approx(document["without"]["least_damped"], rel=1e-9)
+        assert row["elastic_nominal"]["least_damped"] == pytest.approx(
+            document["without"]["least_damped"], rel=1e-9
+        )
 
 
 def test_h_f_as_printed_does_not_return_the_joint_s_own_pair(told):
     rows = told("--time-constants", TIMES)["rows"]
-    assert rows[-1]["printed_h_f"]["frequency_rad_s"] == pytest.approx(KNOWN["printed_pair_rad_s"], abs=5e-3)
-    assert rows[-1]["rigid_nominal"]["least_damped"]["frequency_rad_s"] == pytest.approx(KNOWN["elastic_rad_s"][-1], rel=1e-6)
-    assert rows[0]["printed_h_f"]["frequency_rad_s"] == pytest.approx(KNOWN["locked_rotor_rad_s"], rel=1e-6)
+    assert rows[-1]["printed_h_f"]["frequency_rad_s"] == pytest.approx(
+        KNOWN["printed_pair_rad_s"], abs=5e-3
+    )
+    assert rows[-1]["rigid_nominal"]["least_damped"]["frequency_rad_s"] == pytest.approx(
+        KNOWN["elastic_rad_s"][-1], rel=1e-6
+    )
+    assert rows[0]["printed_h_f"]["frequency_rad_s"] == pytest.approx(
+        KNOWN["locked_rotor_rad_s"], rel=1e-6
+    )
 
 
 def test_the_words_follow_the_figures(told):
@@ -55,19 +69,33 @@ def test_the_words_follow_the_figures(told):
         assert row["rigid_nominal"]["effect"] == word
         assert (row["time_constant_s"] > turn) == (word == "damps")
     assert document["rows"][-1]["rigid_nominal"]["effect"] == "leaves"
-    beside = told("--time-constants", f"{turn * 0.999},{turn * 1.01},{document['best_s']},{document['best_s'] * 1.05}")["rows"]
-    assert [row["rigid_nominal"]["effect"] for row in beside] == ["excites", "damps", "damps", "damps"]
+    beside = told(
+        "--time-constants",
+        f"{turn * 0.999},{turn * 1.01},{document['best_s']},{document['best_s'] * 1.05}",
+    )["rows"]
+    assert [row["rigid_nominal"]["effect"] for row in beside] == [
+        "excites",
+        "damps",
+        "damps",
+        "damps",
+    ]
     dampings = [row["rigid_nominal"]["least_damped"]["damping"] for row in beside]
     assert max(dampings) == dampings[2] == pytest.approx(document["best"]["damping"], rel=1e-6)
 
 
 def least_damping(order, time_s, drive=DRIVE):
     """Butterworth: (q - 1) (plant's denominator) + (motor's numerator) (Jm s + Dm), poles at exp(j pi (2 k + n - 1) / 2 n)."""
-    poles_of_q = np.exp(0.5j * np.pi * (2.0 * np.arange(1, order + 1) + order - 1.0) / order) / time_s
+    poles_of_q = (
+        np.exp(0.5j * np.pi * (2.0 * np.arange(1, order + 1) + order - 1.0) / order) / time_s
+    )
     q = np.poly(poles_of_q).real * time_s**order
     q[-1] = 0.0
     jm, jl = drive["motor_inertia_kg_m2"], drive["load_inertia_kg_m2"] / drive["gear_ratio"] ** 2
-    dm, k, d = drive["motor_friction_n_m_s_rad"], drive["stiffness_n_m_rad"], drive["elastic_damping_n_m_s_rad"]
+    dm, k, d = (
+        drive["motor_friction_n_m_s_rad"],
+        drive["stiffness_n_m_rad"],
+        drive["elastic_damping_n_m_s_rad"],
+    )
     plant = [jm * jl, (jm + jl) * d + jl * dm, (jm + jl) * k + dm * d, dm * k]
     poles = np.roots(np.polyadd(np.polymul(q, plant), np.polymul([jl, d, k], [jm, dm])))
     return min(-p.real / abs(p) for p in poles)
@@ -83,7 +111,9 @@ def test_every_time_constant_that_excites_or_is_unstable_lies_in_a_told_interval
             inside = any(low < time_s < high for low, high in intervals)
             assert inside == (least_damping(order, time_s) < level), time_s
         ends = [end for interval in intervals for end in interval if 0.0 < end < np.inf]
-        assert [least_damping(order, end) for end in ends] == pytest.approx([level] * len(ends), abs=1e-7)
+        assert [least_damping(order, end) for end in ends] == pytest.approx(
+            [level] * len(ends), abs=1e-7
+        )
     assert bool(document["unstable_s"]) == (order >= 5)
 
 
@@ -95,20 +125,32 @@ def test_an_unstable_observer_is_named_and_has_no_figures(told, rig):
     assert calm["rigid_nominal"]["stable"]
     assert not wild["rigid_nominal"]["stable"]
     assert wild["rigid_nominal"]["effect"] == "unstable"
-    figures = ("low", "peak_rad_s_n_m", "motor_step_peak_rad_s", "motor_step_rings", "load_step_peak_rad_s", "load_step_rings")
+    figures = (
+        "low",
+        "peak_rad_s_n_m",
+        "motor_step_peak_rad_s",
+        "motor_step_rings",
+        "load_step_peak_rad_s",
+        "load_step_rings",
+    )
     assert [wild["rigid_nominal"][figure] for figure in figures] == [None] * 6
     assert None not in [calm["rigid_nominal"][figure] for figure in figures]
     assert wild["elastic_nominal"]["stable"]
     said = rig("servo", "observer", *words)[1]
     lines = said.splitlines()
     assert any(line.startswith("5 ") and "-0.0773" in line and "unstable" in line for line in lines)
-    assert any(line.startswith("5 ") and line.split()[1:] == ["rigid", "unstable", *"-----", "0.02773"] for line in lines)
+    assert any(
+        line.startswith("5 ") and line.split()[1:] == ["rigid", "unstable", *"-----", "0.02773"]
+        for line in lines
+    )
     assert "caution: unstable at T_f 3.03 to 7.5 ms" in said
 
 
 def test_an_observer_that_is_unstable_for_a_stiff_load_as_well_says_so(told):
     """A motor taken for ten times the whole inertia, with a steep Q."""
-    row = told("--order", "4", "--nominal-inertia", "4.2e-3", "--time-constants", "5e-3")["rows"][0]["stiff_load"]
+    row = told("--order", "4", "--nominal-inertia", "4.2e-3", "--time-constants", "5e-3")["rows"][
+        0
+    ]["stiff_load"]
     assert row["damping"] < 0.0
     assert not row["stable"]
     assert row["low"] is None
@@ -116,7 +158,16 @@ def test_an_observer_that_is_unstable_for_a_stiff_load_as_well_says_so(told):
 
 @pytest.mark.parametrize("inertia", ["4.2e-3", "1"])
 def test_an_unstable_observer_is_pictured_without_its_responses(rig, tmp_path, inertia):
-    left, said, _ = rig("servo", "observer", "--order", "8", "--nominal-inertia", inertia, "--plot", tmp_path / "wild.svg")
+    left, said, _ = rig(
+        "servo",
+        "observer",
+        "--order",
+        "8",
+        "--nominal-inertia",
+        inertia,
+        "--plot",
+        tmp_path / "wild.svg",
+    )
     assert left == 0
     assert "caution: unstable at T_f" in said
     assert (tmp_path / "wild.svg").stat().st_size > 10_000
@@ -138,7 +189,10 @@ def own(tmp_path):
         tables = {"[[move]]": move, "[bench]": DRIVE, "[model]": DRIVE | changes}
         path = tmp_path / "mine.toml"
         path.write_text(
-            "\n".join("\n".join((head, *(f"{k} = {v}" for k, v in table.items()))) for head, table in tables.items())
+            "\n".join(
+                "\n".join((head, *(f"{k} = {v}" for k, v in table.items())))
+                for head, table in tables.items()
+            )
         )
         return path
 
@@ -151,7 +205,9 @@ def test_a_joint_of_one_s_own_is_read_from_the_model_of_a_comparison(told, own):
     assert same["inferred"] is None
     drive = DRIVE | {"stiffness_n_m_rad": 12.0}
     row = told("--joint", own(stiffness_n_m_rad=12.0), "--time-constants", "1e-3")["rows"][0]
-    assert row["rigid_nominal"]["least_damped"]["damping"] == pytest.approx(least_damping(1, 1e-3, drive), rel=1e-6)
+    assert row["rigid_nominal"]["least_damped"]["damping"] == pytest.approx(
+        least_damping(1, 1e-3, drive), rel=1e-6
+    )
 
 
 def test_a_joint_without_friction_answers_a_torque_as_its_equations_do(told, own):
@@ -164,20 +220,31 @@ def test_a_joint_without_friction_answers_a_torque_as_its_equations_do(told, own
         twist, speed, load_speed, z = x
         added = observed * (z - jm / tf * speed)
         spring = k * twist + d * (speed - load_speed)
-        return speed - load_speed, (added + 1.0 - spring) / jm, spring / jl, (added - z + jm / tf * speed) / tf
+        return (
+            speed - load_speed,
+            (added + 1.0 - spring) / jm,
+            spring / jl,
+            (added - z + jm / tf * speed) / tf,
+        )
 
     watched = 12 * 2 * np.pi / np.sqrt(k / jl)
     for observed, row in ((0.0, document["without"]), (1.0, document["rows"][0]["rigid_nominal"])):
         times = np.linspace(0.0, watched, 6001)
-        found = solve_ivp(rate, (0.0, watched), np.zeros(4), t_eval=times, args=(observed,), rtol=1e-9, atol=1e-12)
+        found = solve_ivp(
+            rate, (0.0, watched), np.zeros(4), t_eval=times, args=(observed,), rtol=1e-9, atol=1e-12
+        )
         assert row["motor_step_peak_rad_s"] == pytest.approx(np.abs(found.y[2]).max(), rel=1e-5)
 
 
 def test_q_is_not_held_against_a_joint_that_is_better_damped_than_q(told, own):
     """At the slow limit the joint is left as it is, though Q of order 8 has poles of a damping of 0.195."""
-    document = told("--joint", own(elastic_damping_n_m_s_rad=0.01), "--order", "8", "--time-constants", "1e9")
+    document = told(
+        "--joint", own(elastic_damping_n_m_s_rad=0.01), "--order", "8", "--time-constants", "1e9"
+    )
     assert document["without"]["least_damped"]["damping"] > 0.3
-    assert document["rows"][0]["rigid_nominal"]["least_damped"]["damping"] == pytest.approx(np.sin(np.pi / 16.0))
+    assert document["rows"][0]["rigid_nominal"]["least_damped"]["damping"] == pytest.approx(
+        np.sin(np.pi / 16.0)
+    )
     assert document["rows"][0]["rigid_nominal"]["effect"] == "leaves"
     assert all(high is not None for _, high in document["excited_s"])
 
@@ -190,7 +257,9 @@ def test_a_filter_of_a_higher_order_has_the_same_limits_and_its_own_poles_betwee
         pair = rows[time_s]["rigid_nominal"]["least_damped"]
         assert pair["frequency_rad_s"] == pytest.approx(KNOWN["elastic_rad_s"][known], rel=1e-6)
         assert pair["damping"] == pytest.approx(KNOWN["elastic_damping"][known], rel=1e-5)
-    assert rows[3e-3]["rigid_nominal"]["least_damped"]["damping"] == pytest.approx(least_damping(order, 3e-3), rel=1e-6)
+    assert rows[3e-3]["rigid_nominal"]["least_damped"]["damping"] == pytest.approx(
+        least_damping(order, 3e-3), rel=1e-6
+    )
     assert all(row["printed_h_f"] is None for row in rows.values())
 
 
@@ -207,18 +276,31 @@ def test_with_a_nominal_of_the_whole_inertia_other_time_constants_damp(told):
 def test_the_load_s_answer_to_a_torque_is_that_of_an_integration_of_the_loop(told, torque):
     """Motor, load and first-order observer in the time domain: w' = (u - w) / Tf, with the estimate from w and the speed."""
     j, tf = DRIVE, 2e-3
-    jm, dm, jl = j["motor_inertia_kg_m2"], j["motor_friction_n_m_s_rad"], j["load_inertia_kg_m2"] / j["gear_ratio"] ** 2
+    jm, dm, jl = (
+        j["motor_inertia_kg_m2"],
+        j["motor_friction_n_m_s_rad"],
+        j["load_inertia_kg_m2"] / j["gear_ratio"] ** 2,
+    )
     on_motor, on_load = (1.0, 0.0) if torque == "motor" else (0.0, 1.0)
 
     def rate(_, x):
         """Q (u - Jm w' - Dm w) = z - (Jm / Tf) speed, with z' of the filter's state; the torque is that alone."""
         twist, speed, load_speed, z = x
         added = z - jm / tf * speed
-        spring = j["stiffness_n_m_rad"] * twist + j["elastic_damping_n_m_s_rad"] * (speed - load_speed)
+        spring = j["stiffness_n_m_rad"] * twist + j["elastic_damping_n_m_s_rad"] * (
+            speed - load_speed
+        )
         motor_rate = (added + on_motor - spring - dm * speed) / jm
-        return speed - load_speed, motor_rate, (spring + on_load) / jl, (added - z + (jm / tf - dm) * speed) / tf
+        return (
+            speed - load_speed,
+            motor_rate,
+            (spring + on_load) / jl,
+            (added - z + (jm / tf - dm) * speed) / tf,
+        )
 
-    found = solve_ivp(rate, (0.0, 0.7), np.zeros(4), t_eval=np.linspace(0.0, 0.7, 7001), rtol=1e-9, atol=1e-12)
+    found = solve_ivp(
+        rate, (0.0, 0.7), np.zeros(4), t_eval=np.linspace(0.0, 0.7, 7001), rtol=1e-9, atol=1e-12
+    )
     row = told("--time-constants", str(tf))["rows"][0]["rigid_nominal"]
     peak = np.abs(found.y[2]).max()
     assert row[f"{torque}_step_peak_rad_s"] == pytest.approx(peak, rel=1e-4)
@@ -240,14 +322,18 @@ def test_a_faster_filter_rejects_more_and_lets_the_load_ring_more(told):
 
 def test_a_stiff_load_with_a_very_fast_filter_is_the_motor_alone(told):
     row = told("--time-constants", TIMES)["rows"][0]
-    assert row["stiff_load"]["frequency_rad_s"] == pytest.approx(KNOWN["motor_pole_rad_s"], rel=1e-6)
+    assert row["stiff_load"]["frequency_rad_s"] == pytest.approx(
+        KNOWN["motor_pole_rad_s"], rel=1e-6
+    )
 
 
 def test_the_tables_say_which_time_constants_to_be_careful_with(rig, tmp_path):
     left, said, _ = rig("servo", "observer", "--plot", tmp_path / "damping.png")
     assert left == 0
     lines = said.splitlines()
-    assert any(line.startswith("2 ") and "105.433  0.2387" in line and "damps" in line for line in lines)
+    assert any(
+        line.startswith("2 ") and "105.433  0.2387" in line and "damps" in line for line in lines
+    )
     assert any(line.startswith("→ ∞") and "151.107" in line for line in lines)
     assert "excites the load at T_f → 0, 0.1, 0.5 ms" in " ".join(said.split())
     assert "caution: the load is excited at T_f < 0.704 ms" in said
@@ -258,10 +344,16 @@ def test_the_tables_say_which_time_constants_to_be_careful_with(rig, tmp_path):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("--joint", "normal"), "--joint = 'normal'; must be one of FILE.toml (its [model]), fitted, listed"),
+        (
+            ("--joint", "normal"),
+            "--joint = 'normal'; must be one of FILE.toml (its [model]), fitted, listed",
+        ),
         (("--joint", "mine.toml"), "'mine.toml' cannot be read"),
         (("--order", "9"), "--order = 9; must be 1 to 8"),
-        (("--time-constants", "soon"), "--time-constants 'soon'; must be numbers with commas, in s"),
+        (
+            ("--time-constants", "soon"),
+            "--time-constants 'soon'; must be numbers with commas, in s",
+        ),
         (("--time-constants", ","), "--time-constants ','; must be numbers with commas"),
         (("--time-constants", "0"), "--time-constants = 0.0; must be"),
         (("--time-constants", "nan"), "--time-constants = nan; must be"),

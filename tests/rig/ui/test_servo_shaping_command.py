@@ -38,14 +38,22 @@ def two_masses(frequency, damping, rho):
     k = frequency**2 * motor * load
     d = 2 * damping * frequency * motor * load
     return np.array(
-        [[-d / motor, d / motor, -k / motor, 1 / motor], [d / load, -d / load, k / load, 0], [1, -1, 0, 0], [0, 0, 0, 0]]
+        [
+            [-d / motor, d / motor, -k / motor, 1 / motor],
+            [d / load, -d / load, k / load, 0],
+            [1, -1, 0, 0],
+            [0, 0, 0, 0],
+        ]
     )
 
 
 def integrated_residual(frequency, damping, shaper, pulse_s, rho=1.0, points=4000):
     """Largest distance from the final speed after the last step of the torque, over it: matrix exponentials."""
     a, x, t = two_masses(frequency, damping, rho), np.zeros(4), 0.0
-    steps = [(at, amplitude) for at, amplitude in zip(shaper["times_s"], shaper["amplitudes"], strict=True)]
+    steps = [
+        (at, amplitude)
+        for at, amplitude in zip(shaper["times_s"], shaper["amplitudes"], strict=True)
+    ]
     for at, step in sorted([*steps, *((at + pulse_s, -amplitude) for at, amplitude in steps)]):
         x = expm(a * (at - t)) @ x
         x[3] += step
@@ -60,20 +68,28 @@ def integrated_residual(frequency, damping, shaper, pulse_s, rho=1.0, points=400
 # the table
 
 
-@pytest.mark.parametrize("known", DATA["robustness"], ids=lambda known: f"{known['shaper']} {known['damping']}")
+@pytest.mark.parametrize(
+    "known", DATA["robustness"], ids=lambda known: f"{known['shaper']} {known['damping']}"
+)
 def test_impulses_and_residuals_are_the_printed_ones(told, known):
     document = told("--damping", known["damping"], "--shapers", known["shaper"])
-    assert [list(case.values()) for case in document["true_over_assumed"]] == [pytest.approx(case) for case in DATA["cases"]]
+    assert [list(case.values()) for case in document["true_over_assumed"]] == [
+        pytest.approx(case) for case in DATA["cases"]
+    ]
     (row,) = document["shapers"]
     assert row["amplitudes"] == pytest.approx(known["amplitudes"], rel=1e-7)
     assert row["times_s"] == pytest.approx(known["times_s"], rel=1e-7)
     assert 100 * np.array(row["same_instant"]) == pytest.approx(known["same_instant_pct"], rel=1e-7)
-    assert 100 * np.array(row["singer_seering"]) == pytest.approx(known["singer_seering_pct"], rel=1e-7)
+    assert 100 * np.array(row["singer_seering"]) == pytest.approx(
+        known["singer_seering_pct"], rel=1e-7
+    )
     assert row["residual"] < 1e-14
     if "insensitivity" in known:
         assert row["insensitivity"] == pytest.approx(known["insensitivity"], rel=1e-7)
     if "damping_only_pct" in known:
-        assert 100 * np.array(row["damping_only_same_instant"]) == pytest.approx(known["damping_only_pct"], abs=5e-4)
+        assert 100 * np.array(row["damping_only_same_instant"]) == pytest.approx(
+            known["damping_only_pct"], abs=5e-4
+        )
 
 
 def test_the_tables_show_the_figures_and_what_was_inferred(rig):
@@ -83,7 +99,9 @@ def test_the_tables_show_the_figures_and_what_was_inferred(rig):
     for known in DATA["robustness"]:
         if known["damping"] == 0.05:
             shown = next(row for row in rows if row[:3] == [known["shaper"], "same", "instant"])
-            assert [float(word) for word in shown[3:7]] == pytest.approx(known["same_instant_pct"], abs=6e-7)
+            assert [float(word) for word in shown[3:7]] == pytest.approx(
+                known["same_instant_pct"], abs=6e-7
+            )
     assert ["unshaped", "14.4900"] in [row[:2] for row in rows]
     assert "Inferred, not published" in said
     assert " on 0.02 s " in rig("servo", "shaping", "--sample-time", "0.02")[1]
@@ -104,7 +122,9 @@ def test_without_errors_nothing_is_left_and_a_shaper_named_twice_is_shown_once(t
 @pytest.mark.parametrize("rho", [1.0, 0.2, 5.0])
 def test_what_a_pulse_leaves_is_what_two_masses_do_whatever_their_ratio(told, rho):
     document = told()
-    shapers = {"unshaped": {"amplitudes": [1.0], "times_s": [0.0]}} | {row["name"]: row for row in document["shapers"]}
+    shapers = {"unshaped": {"amplitudes": [1.0], "times_s": [0.0]}} | {
+        row["name"]: row for row in document["shapers"]
+    }
     for name, left in document["pulse"]["residual_of_final_speed"].items():
         ours = [left["nominal"], *left["cases"]]
         theirs = [integrated_residual(f, 0.05 * d, shapers[name], 10.0, rho) for f, d in CASES]
@@ -113,11 +133,15 @@ def test_what_a_pulse_leaves_is_what_two_masses_do_whatever_their_ratio(told, rh
 
 def test_a_simulation_in_steps_gives_the_printed_digits_and_misses_the_exact_ones_by_its_step(told):
     document = told("--shapers", "zv,zvd")
-    shapers = {"unshaped": ([1.0], [0.0])} | {row["name"]: (row["amplitudes"], row["times_s"]) for row in document["shapers"]}
+    shapers = {"unshaped": ([1.0], [0.0])} | {
+        row["name"]: (row["amplitudes"], row["times_s"]) for row in document["shapers"]
+    }
     t = np.arange(0.0, 40.0, PULSE["step_s"])
     on = np.where(t < 10.0 - 1e-9, 1.0, 0.0)
     for name, (amplitudes, times) in shapers.items():
-        torque = sum(a * np.interp(t - d, t, on, left=0.0) for a, d in zip(amplitudes, times, strict=True))
+        torque = sum(
+            a * np.interp(t - d, t, on, left=0.0) for a, d in zip(amplitudes, times, strict=True)
+        )
         stepped = []
         for f, d in CASES:
             w, z = f, 0.05 * d
@@ -125,10 +149,14 @@ def test_a_simulation_in_steps_gives_the_printed_digits_and_misses_the_exact_one
             stepped.append(100 * np.abs(speed[t > 10.0 + times[-1]] - 10.0).max() / 10.0)
         assert stepped[1:] == pytest.approx(PULSE[f"{name}_pct"], abs=6e-4)
         left = document["pulse"]["residual_of_final_speed"][name]
-        assert 100 * np.array(left["cases"]) == pytest.approx(PULSE[f"{name}_pct"], abs=PULSE["off_by_pct"])
+        assert 100 * np.array(left["cases"]) == pytest.approx(
+            PULSE[f"{name}_pct"], abs=PULSE["off_by_pct"]
+        )
         if name == "unshaped":
             assert stepped[0] == pytest.approx(PULSE["nominal_pct"], abs=6e-4)
-            assert 100 * left["nominal"] == pytest.approx(PULSE["nominal_pct"], abs=PULSE["off_by_pct"])
+            assert 100 * left["nominal"] == pytest.approx(
+                PULSE["nominal_pct"], abs=PULSE["off_by_pct"]
+            )
 
 
 def test_a_faster_joint_with_a_shorter_pulse_leaves_the_same(told):
@@ -137,7 +165,9 @@ def test_a_faster_joint_with_a_shorter_pulse_leaves_the_same(told):
         assert np.array(one["times_s"]) / 50 == pytest.approx(other["times_s"], rel=1e-12)
         assert one["same_instant"] == pytest.approx(other["same_instant"], rel=1e-10)
         assert one["insensitivity"] == pytest.approx(other["insensitivity"], rel=1e-9)
-    for one, other in zip(*(d["pulse"]["residual_of_final_speed"].values() for d in (slow, fast)), strict=True):
+    for one, other in zip(
+        *(d["pulse"]["residual_of_final_speed"].values() for d in (slow, fast)), strict=True
+    ):
         assert one["cases"] == pytest.approx(other["cases"], rel=1e-9)
 
 
@@ -161,8 +191,12 @@ def test_on_a_drive_s_samples_the_mode_is_left_at_rest_and_the_impulses_are_whol
     assert told()["shapers"][0]["sampled"] is None
 
 
-@pytest.mark.parametrize(("shapers", "panels"), [("zv", 3), ("zv,zvd,zvdd", 5), ("zv,zvd,mzv,ei", 6)])
-def test_a_picture_has_a_panel_for_each_shaper_one_for_the_speed_and_one_for_the_torque(rig, tmp_path, shapers, panels):
+@pytest.mark.parametrize(
+    ("shapers", "panels"), [("zv", 3), ("zv,zvd,zvdd", 5), ("zv,zvd,mzv,ei", 6)]
+)
+def test_a_picture_has_a_panel_for_each_shaper_one_for_the_speed_and_one_for_the_torque(
+    rig, tmp_path, shapers, panels
+):
     left, _, heard = rig("servo", "shaping", "--shapers", shapers, "--plot", "shaping.svg")
     assert (left, heard) == (0, "")
     drawn = (tmp_path / "shaping.svg").read_text()
@@ -175,7 +209,10 @@ def test_the_picture_s_curves_are_the_impulses_formula_and_the_pulse_s_end():
     wd, sigma, by_formula = 1.7 * math.sqrt(1 - 0.12**2), 1.7 * 0.12, np.zeros(50)
     for k, at in zip(*shaper, strict=True):
         since = t_s - at
-        by_formula += np.where(since > 0, k * 1.7 / wd * np.exp(-sigma * since) * np.sin(wd * since), 0.0) * 1.7
+        by_formula += (
+            np.where(since > 0, k * 1.7 / wd * np.exp(-sigma * since) * np.sin(wd * since), 0.0)
+            * 1.7
+        )
     np.testing.assert_allclose(1.7 * impulse_response(shaper, mode, t_s), by_formula, atol=1e-14)
     done = pulse(3.0, shaper, Mode(2.0, 0.1), watch_s=50.0)
     assert done.load_speed.duration_s == pytest.approx(3.0 + shaper.times_s[-1] + 50.0)
@@ -187,7 +224,10 @@ def test_the_picture_s_curves_are_the_impulses_formula_and_the_pulse_s_end():
     [
         (("--damping", 1), "damping = 1.0; must be 0 to 0.99: give the mode's damping ratio"),
         (("--damping", -0.1), "damping = -0.1; must be 0 to 0.99"),
-        (("--damping", 0.9, "--damping-error", 0.2), "damping x (1 + damping error) = 1.08; must be 0 to 0.99: lower"),
+        (
+            ("--damping", 0.9, "--damping-error", 0.2),
+            "damping x (1 + damping error) = 1.08; must be 0 to 0.99: lower",
+        ),
         (("--frequency", 0), "frequency = 0.0; must be 1e-06 to 1e+06"),
         (("--frequency-error", -0.1), "frequency error = -0.1; must be 0 to 0.9: give a share"),
         (("--damping-error", -0.2), "damping error = -0.2; must be 0 to 1: give a share"),
@@ -214,4 +254,7 @@ def test_bad_input_is_refused_with_value_bound_and_next_step(rig, words, told_so
 def test_help_states_units_and_defaults(rig):
     left, said, _ = rig("servo", "shaping", "--help")
     assert left == 0
-    assert all(word in said for word in ("--damping-error", "rad/s", "torque pulse in s", "0.05", "zv,zvd,zvdd"))
+    assert all(
+        word in said
+        for word in ("--damping-error", "rad/s", "torque pulse in s", "0.05", "zv,zvd,zvdd")
+    )

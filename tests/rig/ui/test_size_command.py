@@ -81,9 +81,16 @@ def spec(tmp_path):
 
 def test_the_worked_axis_finds_that_its_unit_is_too_slow_and_too_coarse(told):
     document = told("--example", "appendix", code=3)
-    assert (document["verdict"], document["admissible"], document["choice"]) == ("bad", False, "80V hp 20x20")
+    assert (document["verdict"], document["admissible"], document["choice"]) == (
+        "bad",
+        False,
+        "80V hp 20x20",
+    )
     checks = {row["name"]: row for row in document["checks"]}
-    assert [name for name, row in checks.items() if row["state"] == "broken"] == ["speed of the unit", "lead class"]
+    assert [name for name, row in checks.items() if row["state"] == "broken"] == [
+        "speed of the unit",
+        "lead class",
+    ]
     assert checks["speed of the unit"]["value"] == pytest.approx(0.3 / (0.33 * 0.67), rel=1e-12)
     assert checks["speed of the unit"]["bound"] == 1.0
     assert checks["whirling"]["margin"] == pytest.approx(0.00044684, rel=1e-4)
@@ -93,14 +100,20 @@ def test_the_worked_axis_finds_that_its_unit_is_too_slow_and_too_coarse(told):
     assert times == pytest.approx([0.33 * 1.3568521, 0.33 * 1.2987013, 1.0], rel=1e-7)
 
 
-def test_printed_and_right_figures_stand_side_by_side_and_every_difference_has_its_reason(told, rig):
+def test_printed_and_right_figures_stand_side_by_side_and_every_difference_has_its_reason(
+    told, rig
+):
     rows = told("--example", "appendix", code=3)["published"]
     wrong = {row["name"]: row for row in rows if row["differs"]}
     assert all(row["reason"] for row in wrong.values())
     assert wrong["equivalent_force_n"]["right"] == pytest.approx(82.164912, rel=1e-7)
     assert wrong["move_3.phase_2.duration_s"]["right"] == pytest.approx(0.55)
     assert "0.619 m" in wrong["move_3.phase_2.duration_s"]["reason"]
-    cells = [row for row in rows if row["name"].endswith(("force_n", "torque_n_m")) and row["name"].startswith("move_")]
+    cells = [
+        row
+        for row in rows
+        if row["name"].endswith(("force_n", "torque_n_m")) and row["name"].startswith("move_")
+    ]
     assert len(cells) == 22
     assert not any(row["differs"] for row in cells)
     _, said, _ = rig("size", "--example", "appendix")
@@ -126,7 +139,12 @@ def test_a_figure_differs_when_the_right_one_does_not_round_to_its_digits(printe
 
 def test_the_catalogue_says_of_each_screw_what_it_breaks_and_where_its_figures_come_from(told, rig):
     rows = {row["name"]: row for row in told("--example", "appendix", code=3)["catalogue"]}
-    assert [name for name, row in rows.items() if row["admissible"]] == ["20x40", "25x25", "32x32", "20x20"]
+    assert [name for name, row in rows.items() if row["admissible"]] == [
+        "20x40",
+        "25x25",
+        "32x32",
+        "20x20",
+    ]
     slow = {check["name"]: check for check in rows["80V hp 20x5"]["broken"]}
     assert slow["whirling"]["value"] == pytest.approx(4 * 4070.5563, rel=1e-7)
     assert slow["whirling"]["bound"] == pytest.approx(4072.376, rel=1e-6)
@@ -141,7 +159,10 @@ def test_the_catalogue_says_of_each_screw_what_it_breaks_and_where_its_figures_c
 
 def test_refused_entries_are_listed_with_what_they_break_and_by_how_much_only_on_demand(rig):
     said = " ".join(rig("size", "--example", "appendix")[1].split())
-    assert "17 do not fit, --all tells by how much: 25x20 (ball speed), 32x20 (ball speed, motor torque), " in said
+    assert (
+        "17 do not fit, --all tells by how much: 25x20 (ball speed), 32x20 (ball speed, motor torque), "
+        in said
+    )
     assert "12x5 (whirling, ball speed, motor speed)" in said
     assert " breaks " not in said
     assert "do not fit" not in rig("size", "--example", "appendix", "--all")[1]
@@ -184,7 +205,10 @@ def test_the_document_has_the_motion_law_table_as_rows(told):
 
 def test_an_aside_tells_what_a_thinner_core_would_change(rig, spec):
     said = " ".join(rig("size", "--example", "appendix")[1].split())
-    assert "one of 0.9 d, 18 mm, has a critical speed of 3665 in place of 4072 rpm, too low for 4071 rpm: give core" in said
+    assert (
+        "one of 0.9 d, 18 mm, has a critical speed of 3665 in place of 4072 rpm, too low for 4071 rpm: give core"
+        in said
+    )
     assert "too low" not in rig("size", "--example", "appendix", "--entry", "20x40")[1]
     cored = MY_SCREW.replace("lead_m", "core_diameter_m = 0.0223\nlead_m")
     _, said, _ = rig("size", spec(SPEC + cored, before='choice = "mine"\n'))
@@ -193,7 +217,9 @@ def test_an_aside_tells_what_a_thinner_core_would_change(rig, spec):
 
 def test_a_limit_of_balls_beyond_the_usual_is_taken_and_told(rig, told, spec):
     text = SPEC + "[balls]\nlimit_m_rpm = 150\n"
-    assert {row["name"]: row for row in told(spec(text))["checks"]}["ball speed d n"]["bound"] == 150.0
+    assert {row["name"]: row for row in told(spec(text))["checks"]}["ball speed d n"][
+        "bound"
+    ] == 150.0
     _, said, _ = rig("size", spec(text))
     assert "d n of 150000 mm rpm is not the 70000 to 120000 of steel balls" in said
     assert "d n of" not in rig("size", spec())[1]
@@ -211,7 +237,9 @@ def test_equal_moves_are_told_once(rig, told, spec):
     assert "move 1 and 9 like it reaches" in rig("size", path, "--entry", "80V hp 20x5")[1]
 
 
-def test_what_is_asked_and_not_told_makes_the_verdict_doubtful_and_what_is_not_asked_does_not(told, spec):
+def test_what_is_asked_and_not_told_makes_the_verdict_doubtful_and_what_is_not_asked_does_not(
+    told, spec
+):
     assert told(spec(SPEC), "--entry", "25x25")["verdict"] == "good"
     doubtful = told(spec(SPEC + "[wishes]\nlife_h = 1000\n"), "--entry", "25x25")
     assert doubtful["verdict"] == "doubtful"
@@ -221,16 +249,34 @@ def test_what_is_asked_and_not_told_makes_the_verdict_doubtful_and_what_is_not_a
 
 
 def test_every_key_of_an_entry_reaches_the_candidate(spec):
-    keys = ["static_load_n", "preload_n", "core_diameter_m", "ball_circle_m", "limit_m_rpm", "speed_m_s", "stroke_m"]
+    keys = [
+        "static_load_n",
+        "preload_n",
+        "core_diameter_m",
+        "ball_circle_m",
+        "limit_m_rpm",
+        "speed_m_s",
+        "stroke_m",
+    ]
     values = dict(zip(keys, (2e4, 600.0, 0.022, 0.026, 130.0, 1.5, 0.9), strict=True))
-    lines = "".join(f"{name} = {value}\n" for name, value in values.items() if name != "static_load_n")
-    choice = sizing_of(read_toml(spec(SPEC + MY_SCREW + lines, before='choice = "mine"\n'), "sizing")).choice
+    lines = "".join(
+        f"{name} = {value}\n" for name, value in values.items() if name != "static_load_n"
+    )
+    choice = sizing_of(
+        read_toml(spec(SPEC + MY_SCREW + lines, before='choice = "mine"\n'), "sizing")
+    ).choice
     assert {name: getattr(choice, name) for name in keys} == values
-    assert (choice.dynamic_load_n, choice.lead_class, choice.origin) == (12000.0, "ISO 5", "measured")
+    assert (choice.dynamic_load_n, choice.lead_class, choice.origin) == (
+        12000.0,
+        "ISO 5",
+        "measured",
+    )
 
 
 def test_only_the_source_s_units_have_load_ratings_and_every_entry_an_origin():
-    entries = tomllib.loads((resources.files("rig.studies.sizing") / "screws" / "catalogue.toml").read_text())["catalogue"]
+    entries = tomllib.loads(
+        (resources.files("rig.studies.sizing") / "screws" / "catalogue.toml").read_text()
+    )["catalogue"]
     assert len({row["name"] for row in entries}) == len(entries)
     for row in entries:
         assert "source 004" in row["origin"] or "confirm with the maker" in row["origin"]
@@ -248,9 +294,13 @@ def test_another_entry_can_be_judged_and_its_open_checks_make_it_doubtful(told):
 def test_a_spec_of_one_s_own_with_a_screw_of_one_s_own_fits_and_is_good(told, spec):
     document = told(spec(SPEC + MY_SCREW, before='choice = "mine"\n'))
     assert (document["verdict"], document["reasons"]) == ("good", [])
-    assert document["figures"]["peak_speed_m_s"] == pytest.approx(1.875 * 0.4, rel=1e-12)  # the quintic law's
+    assert document["figures"]["peak_speed_m_s"] == pytest.approx(
+        1.875 * 0.4, rel=1e-12
+    )  # the quintic law's
     acceleration = 10 / 3 * 3**0.5 * 0.4  # likewise
-    assert document["figures"]["peak_force_n"] == pytest.approx(20 * (acceleration + 0.02 * 9.81), rel=1e-9)
+    assert document["figures"]["peak_force_n"] == pytest.approx(
+        20 * (acceleration + 0.02 * 9.81), rel=1e-9
+    )
     assert document["figures"]["life_h"] > 0
     assert next(row for row in document["checks"] if row["name"] == "life")["state"] == "not asked"
 
@@ -325,18 +375,33 @@ law = "cubic"
             youngs_modulus_pa=210e9,
             shear_modulus_pa=80e9,
         ),
-        load=AxisLoad(mass_kg=1.5, slope_rad=math.radians(30), friction_coefficient=0.2, force_n=7.0),
+        load=AxisLoad(
+            mass_kg=1.5, slope_rad=math.radians(30), friction_coefficient=0.2, force_n=7.0
+        ),
         cycle=Cycle(
             [
-                Move(stroke_m=0.2, time_s=0.5, lambda_acc=0.2, lambda_dec=0.4, rest_s=0.3, durations_s=(0.1, 0.2, 0.2)),
+                Move(
+                    stroke_m=0.2,
+                    time_s=0.5,
+                    lambda_acc=0.2,
+                    lambda_dec=0.4,
+                    rest_s=0.3,
+                    durations_s=(0.1, 0.2, 0.2),
+                ),
                 Move(stroke_m=-0.2, time_s=0.5, law="cubic"),
             ]
         ),
         transmission=Transmission(
-            efficiency=0.92, motor_inertia_kg_m2=1e-5, coupling_inertia_kg_m2=2e-5, drag_torque_n_m=0.03, hold="brake"
+            efficiency=0.92,
+            motor_inertia_kg_m2=1e-5,
+            coupling_inertia_kg_m2=2e-5,
+            drag_torque_n_m=0.03,
+            hold="brake",
         ),
         balls=Balls(material="ceramic", limit_m_rpm=200.0),
-        shares=Shares(whirl=0.8, buckling=0.55, balls=0.9, bandwidth=0.6, service_factor=1.4, preload=0.06),
+        shares=Shares(
+            whirl=0.8, buckling=0.55, balls=0.9, bandwidth=0.6, service_factor=1.4, preload=0.06
+        ),
         wishes=Wishes(
             life_h=1000.0,
             lead_class="ISO 3",
@@ -347,7 +412,12 @@ law = "cubic"
             stiffness_n_m=1e7,
             bandwidth_rad_s=300.0,
         ),
-        motor=Motor(continuous_torque_n_m=1.0, peak_torque_n_m=3.0, max_speed_rad_s=400.0, peak_power_w=700.0),
+        motor=Motor(
+            continuous_torque_n_m=1.0,
+            peak_torque_n_m=3.0,
+            max_speed_rad_s=400.0,
+            peak_power_w=700.0,
+        ),
         bearing_n_m=1e8,
         nut_n_m=2e8,
         carried_kg=0.5,
@@ -375,27 +445,42 @@ def test_without_a_choice_the_catalogue_is_searched(told, spec):
     text = SPEC.replace("time_s = 1.0", "time_s = 0.05")
     document = told(spec(text), code=3)
     assert document["verdict"] == "bad"
-    assert "0 of 21 entries of the catalogue fit; must be at least one: add entries" in document["reasons"][0]
+    assert (
+        "0 of 21 entries of the catalogue fit; must be at least one: add entries"
+        in document["reasons"][0]
+    )
     assert document["judged"] == document["catalogue"][0]["name"]
-    assert document["reasons"][1:] == [check["reason"] for check in document["catalogue"][0]["broken"]]
+    assert document["reasons"][1:] == [
+        check["reason"] for check in document["catalogue"][0]["broken"]
+    ]
     assert document["criterion"] == "greatest least margin"
 
 
-def test_without_a_choice_the_verdict_says_which_screw_is_meant_and_what_is_not_told_of_it(rig, told, spec):
+def test_without_a_choice_the_verdict_says_which_screw_is_meant_and_what_is_not_told_of_it(
+    rig, told, spec
+):
     path = spec(SPEC + "[wishes]\nlife_h = 1000\nlead_class = 'ISO 5'\n")
     searched = told(path)
     named = told(path, "--entry", searched["judged"])
     differing = {name for name in searched if searched[name] != named[name]}
     assert differing == {"choice", "criterion"}
     assert searched["verdict"] == "doubtful"
-    assert [reason.partition(":")[0] for reason in searched["reasons"]] == ["dynamic load", "life", "lead class"]
+    assert [reason.partition(":")[0] for reason in searched["reasons"]] == [
+        "dynamic load",
+        "life",
+        "lead class",
+    ]
     verdict = " ".join(rig("size", path)[1].partition("verdict: ")[2].split())
     assert verdict.startswith(
         f"{searched['judged']}, best of the 7 that fit (told in full first, then greatest least margin): "
     )
     assert all(reason in verdict for reason in searched["reasons"])
     told_in_full = told(spec(SPEC + MY_SCREW + "[wishes]\nlife_h = 1000\nlead_class = 'ISO 5'\n"))
-    assert (told_in_full["judged"], told_in_full["verdict"], told_in_full["reasons"]) == ("mine", "good", [])
+    assert (told_in_full["judged"], told_in_full["verdict"], told_in_full["reasons"]) == (
+        "mine",
+        "good",
+        [],
+    )
 
 
 def test_a_copy_of_the_worked_axis_is_one_s_own(rig, told, spec):
@@ -409,14 +494,18 @@ def test_a_copy_of_the_worked_axis_is_one_s_own(rig, told, spec):
 
 
 def test_printed_figures_of_a_screw_are_compared_only_where_it_is_chosen(told, spec):
-    printed = '[published]\npeak_torque_n_m = { printed = "1" }\npeak_speed_m_s = { printed = "0.75" }\n'
+    printed = (
+        '[published]\npeak_torque_n_m = { printed = "1" }\npeak_speed_m_s = { printed = "0.75" }\n'
+    )
     assert [row["name"] for row in told(spec(SPEC + printed))["published"]] == ["peak_speed_m_s"]
     chosen = told(spec(SPEC + MY_SCREW + printed, before='choice = "mine"\n'))["published"]
     assert [row["name"] for row in chosen] == ["peak_torque_n_m", "peak_speed_m_s"]
 
 
 def test_a_catalogue_of_which_nothing_fits_is_told_and_drawn_too(rig, spec, tmp_path):
-    code, said, _ = rig("size", spec(SPEC.replace("time_s = 1.0", "time_s = 0.05")), "--plot", "chart.svg")
+    code, said, _ = rig(
+        "size", spec(SPEC.replace("time_s = 1.0", "time_s = 0.05")), "--plot", "chart.svg"
+    )
     assert code == 3
     assert "catalogue: 0 of 21 fit" in said
     assert ", nearest of 21, of which none fits: diameter " in said
@@ -475,38 +564,102 @@ def test_the_example_s_region_is_bounded_by_the_crossing_that_the_document_tells
         ("stroke_m = -0.4", "stroke_m = -0.3", ("sum to 0.1 m", "add a move of -0.1 m")),
         ("stroke_m = -0.4", "stroke_m = 0.0", ("[[move]] 2", "stroke_m = 0")),
         ('law = "quintic"', 'law = "quintik"', ("[[move]] 2", "did you mean 'quintic'")),
-        ('law = "quintic"', "lambda_acc = 0.7\nlambda_dec = 0.4", ("[[move]] 2", "lambda_acc + lambda_dec = 1.1")),
+        (
+            'law = "quintic"',
+            "lambda_acc = 0.7\nlambda_dec = 0.4",
+            ("[[move]] 2", "lambda_acc + lambda_dec = 1.1"),
+        ),
         ('law = "quintic"', "lamda_acc = 0.7", ("[move.2] lamda_acc", "did you mean 'lambda_acc'")),
-        ('law = "quintic"', "durations_s = [0.3, 0.5, 0.2]", ("[[move]] 2", "durations_s", "must be 1 s and 0.4 m")),
-        ("[axis]", '[balls]\nmaterial = "glas"\n[axis]', ("[balls] material = 'glas'", "ceramic, steel")),
+        (
+            'law = "quintic"',
+            "durations_s = [0.3, 0.5, 0.2]",
+            ("[[move]] 2", "durations_s", "must be 1 s and 0.4 m"),
+        ),
+        (
+            "[axis]",
+            '[balls]\nmaterial = "glas"\n[axis]',
+            ("[balls] material = 'glas'", "ceramic, steel"),
+        ),
         ("[axis]", "[balls]\nlimit_m_rpm = 0\n[axis]", ("[balls] limit_m_rpm = 0",)),
         ("[axis]", "[motor]\n[axis]", ("[motor] continuous_torque_n_m", "missing")),
-        ("[axis]", "[motor]\ncontinuous_torque_n_m = 2\npeak_torque_n_m = 1\nmax_speed_rad_s = 1\n[axis]", ("[motor] cont",)),
-        ("mass_kg = 20.0", "mass_kg = 20.0\nslope_deg = 200", ("[axis] slope_deg = 200", "-90 to 90")),
+        (
+            "[axis]",
+            "[motor]\ncontinuous_torque_n_m = 2\npeak_torque_n_m = 1\nmax_speed_rad_s = 1\n[axis]",
+            ("[motor] cont",),
+        ),
+        (
+            "mass_kg = 20.0",
+            "mass_kg = 20.0\nslope_deg = 200",
+            ("[axis] slope_deg = 200", "-90 to 90"),
+        ),
         ("mass_kg = 20.0", "mass_kg = 20.0\ncarried_kg = -1", ("[axis] carried_kg = -1",)),
-        ("friction_coefficient = 0.02", "friction_coefficient = -1", ("[axis] friction_coefficient = -1",)),
+        (
+            "friction_coefficient = 0.02",
+            "friction_coefficient = -1",
+            ("[axis] friction_coefficient = -1",),
+        ),
         ("length_m = 1.0", "length_m = 0.4", ("travel = 0.4 m", "length_m = 0.4")),
-        ("length_m = 1.0", "length_m = 1.0\nfree_length_m = 1.5", ("[screw] free_length_m = 1.5", "to 1:")),
-        ("length_m = 1.0", "length_m = 1.0\nwhirl_coefficient = -1", ("[screw] whirl_coefficient = -1",)),
+        (
+            "length_m = 1.0",
+            "length_m = 1.0\nfree_length_m = 1.5",
+            ("[screw] free_length_m = 1.5", "to 1:"),
+        ),
+        (
+            "length_m = 1.0",
+            "length_m = 1.0\nwhirl_coefficient = -1",
+            ("[screw] whirl_coefficient = -1",),
+        ),
         ("length_m = 1.0", "length_m = 1.0\nnut_n_m = 0", ("[screw] nut_n_m = 0",)),
         ("time_s = 1.0\nlaw", "time_s = 0\nlaw", ("[[move]] 2: time_s = 0",)),
         ("[axis]", "[wishes]\nsag_m = 0\n[axis]", ("[wishes] sag_m = 0", "leave it out")),
         ("[axis]", "[shares]\nwhirl = 2\n[axis]", ("[shares] whirl = 2",)),
         ("[axis]", "[transmission]\nefficiency = 2\n[axis]", ("[transmission] efficiency = 2",)),
-        ("[axis]", '[[catalogue]]\nname = ""\ndiameter_m = 0.02\nlead_m = 0.02\norigin = "x"\n[axis]', ("name = ''", "empty")),
-        ("[axis]", '[wishes]\nlead_class = "ISO 2"\n[axis]', ("lead_class = 'ISO 2'", "ISO 5, ISO 7, ISO 10")),
+        (
+            "[axis]",
+            '[[catalogue]]\nname = ""\ndiameter_m = 0.02\nlead_m = 0.02\norigin = "x"\n[axis]',
+            ("name = ''", "empty"),
+        ),
+        (
+            "[axis]",
+            '[wishes]\nlead_class = "ISO 2"\n[axis]',
+            ("lead_class = 'ISO 2'", "ISO 5, ISO 7, ISO 10"),
+        ),
         ("[axis]", "[motor]\npeak_torque_n_m = 1.0\n[axis]", ("[motor]", "missing")),
-        ("[axis]", 'choice = "80V hp 20x2"\n[axis]', ("choice = '80V hp 20x2'", "did you mean '80V hp 20x20'")),
-        ("[axis]", '[published]\npeak_spead_m_s = { printed = "1" }\n[axis]', ("did you mean 'peak_speed_m_s'",)),
-        ("[axis]", '[published]\npeak_speed_m_s = { printed = "fast" }\n[axis]', ("printed = 'fast'", "digits")),
-        ("[axis]", '[published]\npeak_speed_m_s = { print = "1" }\n[axis]', ("did you mean 'printed'",)),
-        ("[axis]", '[[catalogue]]\nname = "20x20"\ndiameter_m = 0.02\nlead_m = 0.02\norigin = ""\n[axis]', ("twice",)),
+        (
+            "[axis]",
+            'choice = "80V hp 20x2"\n[axis]',
+            ("choice = '80V hp 20x2'", "did you mean '80V hp 20x20'"),
+        ),
+        (
+            "[axis]",
+            '[published]\npeak_spead_m_s = { printed = "1" }\n[axis]',
+            ("did you mean 'peak_speed_m_s'",),
+        ),
+        (
+            "[axis]",
+            '[published]\npeak_speed_m_s = { printed = "fast" }\n[axis]',
+            ("printed = 'fast'", "digits"),
+        ),
+        (
+            "[axis]",
+            '[published]\npeak_speed_m_s = { print = "1" }\n[axis]',
+            ("did you mean 'printed'",),
+        ),
+        (
+            "[axis]",
+            '[[catalogue]]\nname = "20x20"\ndiameter_m = 0.02\nlead_m = 0.02\norigin = ""\n[axis]',
+            ("twice",),
+        ),
         (
             "[axis]",
             '[[catalogue]]\nname = "x"\ndiameter_m = -0.02\nlead_m = 0.02\norigin = ""\n[axis]',
             ("[[catalogue]] x: diameter_m = -0.02",),
         ),
-        ("[axis]", '[[catalogue]]\nname = "x"\nlead_m = 0.02\norigin = ""\n[axis]', ("diameter_m: missing",)),
+        (
+            "[axis]",
+            '[[catalogue]]\nname = "x"\nlead_m = 0.02\norigin = ""\n[axis]',
+            ("diameter_m: missing",),
+        ),
         ("[axis]", "[axis", ("not valid TOML",)),
     ],
 )

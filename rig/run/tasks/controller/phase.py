@@ -18,11 +18,22 @@ class Happening(enum.Enum):
     ROBOT_STALE = "robot_stale"  # the robot's encoders fell silent
 
 
-ORDERS = {Verb.ARM: Happening.ARM, Verb.START: Happening.START, Verb.STOP: Happening.STOP, Verb.ESTOP: Happening.ESTOP}
-_TAKEN_IN = {Verb.ARM: (Phase.IDLE, Phase.ARMED), Verb.START: (Phase.ARMED,)}  # a stop is taken anywhere
+ORDERS = {
+    Verb.ARM: Happening.ARM,
+    Verb.START: Happening.START,
+    Verb.STOP: Happening.STOP,
+    Verb.ESTOP: Happening.ESTOP,
+}
+_TAKEN_IN = {
+    Verb.ARM: (Phase.IDLE, Phase.ARMED),
+    Verb.START: (Phase.ARMED,),
+}  # a stop is taken anywhere
 _NEXT: dict[tuple[Phase, Happening], Phase] = {
     (Phase.IDLE, Happening.ARM): Phase.ARMED,
-    (Phase.IDLE, Happening.STOP): Phase.STOPPED,  # an order to arm that comes after the stop is refused
+    (
+        Phase.IDLE,
+        Happening.STOP,
+    ): Phase.STOPPED,  # an order to arm that comes after the stop is refused
     (Phase.ARMED, Happening.ARM): Phase.ARMED,
     (Phase.ARMED, Happening.START): Phase.RUNNING,
     (Phase.ARMED, Happening.STOP): Phase.STOPPED,
