@@ -18,13 +18,13 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from comms.clock import stopwatch_s
-from rig.drives.servo.setpoint import Controller, Setpoint
+from rig.drives.servo.setpoint import DriveController, MotorSetpoint
 from rig.studies.servo import bench
 from rig.studies.servo.controllers import CONTROLLERS, lqg
 from rig.studies.servo.spec import ServoSpec, load
 
 STEPS = 2000
-AHEAD = [Setpoint(0.1 * k, 100.0, 10.0) for k in range(STEPS)]
+AHEAD = [MotorSetpoint(0.1 * k, 100.0, 10.0) for k in range(STEPS)]
 
 
 def main() -> None:
@@ -50,7 +50,7 @@ def main() -> None:
     )
 
 
-def _step_s(controller: Controller) -> float:
+def _step_s(controller: DriveController) -> float:
     def steps() -> None:
         controller.reset()
         for setpoint in AHEAD:

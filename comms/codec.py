@@ -21,10 +21,10 @@ from comms.channels import CHANNELS
 from comms.messages import (
     AngleSample,
     Frame,
+    InvalidReason,
     JointState,
     Message,
     Phase,
-    Reason,
     Reference,
     RobotState,
     Setpoint,
@@ -37,7 +37,7 @@ CLOSING = 1  # flag: no payload; seq is the number of datagrams that were put on
 LATEST_NS = 2**62  # the bound of messages.TimeNs
 HEADER = struct.Struct("<2sBBHBxQIq")
 CRC = struct.Struct("<I")
-_PHASES, _REASONS = tuple(Phase), tuple(Reason)
+_PHASES, _REASONS = tuple(Phase), tuple(InvalidReason)
 _PHASE_CODE = {p: i for i, p in enumerate(_PHASES)}
 _REASON_CODE = {r: i for i, r in enumerate(_REASONS)}
 _NAN = math.nan

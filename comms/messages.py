@@ -29,7 +29,7 @@ class Phase(enum.Enum):
     FAULT = "fault"
 
 
-class Reason(enum.Enum):
+class InvalidReason(enum.Enum):
     """Why a frame gave no angle; `none` when it did."""
 
     NONE = "none"
@@ -116,7 +116,7 @@ class AngleSample(Message, frozen=True, gc=False, kw_only=True):
     angle_rad: Radians | None
     sigma_rad: Annotated[float, Meta(ge=0.0, le=1.6)] | None
     valid: bool
-    reason: Reason
+    reason: InvalidReason
     raw_rad: Radians | None
     offset_rad: Radians | None
     platform_m: Metres | None

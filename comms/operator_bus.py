@@ -17,18 +17,18 @@ from comms.channels import CHANNELS
 from comms.codec import LAYOUTS
 from comms.errors import PortInUse
 from comms.messages import Command, Reply
-from comms.records import Event, LinkRow, Receipts, Timing
+from comms.records import Event, LinkRow, Receipts, TaskTiming
 
 TAP_HIGH_WATER = 1000  # batches, each of up to 50 ms of a task's messages
 PICTURE_HIGH_WATER = 2  # pictures are the first to be dropped
 LINGER_MS = 1000
 Context = zmq.Context[zmq.Socket[bytes]]
 
-_RECORDS: dict[str, type] = {kind.__name__: kind for kind in (Receipts, Timing, LinkRow, Event)}
+_RECORDS: dict[str, type] = {kind.__name__: kind for kind in (Receipts, TaskTiming, LinkRow, Event)}
 _encode = msgspec.json.encode
 
 
-class Tapped(NamedTuple):
+class Telemetry(NamedTuple):
     """A message of a channel as its sender put it on the wire (pixels only with a picture)."""
 
     channel: str
@@ -40,7 +40,7 @@ class Hello(NamedTuple):
     """A task's sockets are open; it waits for the first heartbeat."""
 
 
-class Farewell(NamedTuple):
+class StreamEnd(NamedTuple):
     """A task has said all it has to say on one of its wires; taps and words travel apart and end apart."""
 
     wire: str  # "words" or "taps"
@@ -49,7 +49,7 @@ class Farewell(NamedTuple):
 class Record(NamedTuple):
     """A task's own record for the log."""
 
-    record: Receipts | Timing | LinkRow | Event
+    record: Receipts | TaskTiming | LinkRow | Event
 
 
 class TaskBus:
@@ -103,7 +103,7 @@ class TaskBus:
         """Answer the operator."""
         self._commands.send_multipart([b"reply", _encode(reply)])
 
-    def record(self, record: Receipts | Timing | LinkRow | Event) -> None:
+    def record(self, record: Receipts | TaskTiming | LinkRow | Event) -> None:
         """Something for the log that must not be lost."""
         self._commands.send_multipart([type(record).__name__.encode(), _encode(record)])
 
@@ -167,7 +167,7 @@ class OperatorBus:
         """Return when something arrives, or after timeout_ms."""
         zmq.select([self._commands, self._taps, self._pictures], [], [], timeout_ms / 1000)
 
-    def drain(self) -> Iterator[tuple[bytes, Hello | Farewell | Reply | Record | Tapped | str]]:
+    def drain(self) -> Iterator[tuple[bytes, Hello | StreamEnd | Reply | Record | Telemetry | str]]:
         """What tasks and terminals said, with who said it; a str is a request of a second terminal."""
         yield from _drain_taps(self._taps, parts_each=2)
         yield from _drain_taps(self._pictures, parts_each=3)
@@ -178,7 +178,7 @@ class OperatorBus:
         for socket in (self._commands, self._taps, self._pictures):
             socket.close(200)
 
-    def _drain_commands(self) -> Iterator[tuple[bytes, Hello | Farewell | Reply | Record | str]]:
+    def _drain_commands(self) -> Iterator[tuple[bytes, Hello | StreamEnd | Reply | Record | str]]:
         while True:
             try:
                 who, *parts = self._commands.recv_multipart(zmq.NOBLOCK)
@@ -189,12 +189,12 @@ class OperatorBus:
                 yield who, said
 
 
-def _understand(parts: list[bytes]) -> Hello | Farewell | Reply | Record | str | None:
+def _understand(parts: list[bytes]) -> Hello | StreamEnd | Reply | Record | str | None:
     try:
         if parts == [b"hello"]:
             return Hello()
         if parts == [b"farewell"]:
-            return Farewell("words")
+            return StreamEnd("words")
         if len(parts) == 2 and parts[0] == b"":
             return parts[1].decode()
         if len(parts) == 2 and parts[0] == b"reply":
@@ -208,7 +208,7 @@ def _understand(parts: list[bytes]) -> Hello | Farewell | Reply | Record | str |
 
 def _drain_taps(
     socket: zmq.Socket[bytes], parts_each: int
-) -> Iterator[tuple[bytes, Farewell | Tapped]]:
+) -> Iterator[tuple[bytes, StreamEnd | Telemetry]]:
     """Taps are channel and datagram, pictures have their pixels as a third part; several may come in one message."""
     while True:
         try:
@@ -216,12 +216,15 @@ def _drain_taps(
         except zmq.Again:
             return
         if parts[0] == b"farewell" and len(parts) == 2:
-            yield parts[1], Farewell("taps")
+            yield parts[1], StreamEnd("taps")
             continue
         for k in range(0, len(parts) - parts_each + 1, parts_each):
             channel = parts[k].decode("ascii", "replace")
             if channel in CHANNELS and CHANNELS[channel].message in LAYOUTS:
-                yield b"", Tapped(channel, parts[k + 1], parts[k + 2] if parts_each == 3 else None)
+                yield (
+                    b"",
+                    Telemetry(channel, parts[k + 1], parts[k + 2] if parts_each == 3 else None),
+                )
 
 
 def _bind(socket: zmq.Socket[bytes], host: str, port: int) -> str:

@@ -14,7 +14,7 @@ class Receipts(msgspec.Struct, frozen=True, kw_only=True):
     rows: list[tuple[int, int, str]]
 
 
-class Timing(msgspec.Struct, frozen=True, kw_only=True):
+class TaskTiming(msgspec.Struct, frozen=True, kw_only=True):
     """How late a task woke, wake by wake [ns], and ticks it skipped for being late, so far."""
 
     task: str
@@ -71,4 +71,4 @@ class CompressedImage(msgspec.Struct, frozen=True, kw_only=True):
     format: str
 
 
-Record = Receipts | Timing | LinkRow | Event
+Record = Receipts | TaskTiming | LinkRow | Event

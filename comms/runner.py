@@ -25,7 +25,7 @@ from comms.link import LinkCount
 from comms.messages import Command, Frame, Message, Reply, Verb
 from comms.operator_bus import Context, TaskBus
 from comms.priority import take_priority
-from comms.records import Event, LinkRow, Receipts, Timing
+from comms.records import Event, LinkRow, Receipts, TaskTiming
 from comms.task import Step, Task
 
 LONGEST_WAIT_NS = 50 * MS  # the edge of a ZeroMQ descriptor can be missed; look again then
@@ -220,7 +220,7 @@ class WallRunner:
 
     def _record(self, now: int) -> None:
         if self._lateness_ns:
-            timing = Timing(
+            timing = TaskTiming(
                 task=self._task.name,
                 t_ns=now,
                 late_ticks=self._task.late_ticks,

@@ -27,7 +27,7 @@ class Step(NamedTuple):
     exit: int | None = None
 
 
-NOTHING = Step()
+NO_STEP = Step()
 
 
 class Task(Protocol):

@@ -25,7 +25,7 @@ FARTHEST_M = 1000.0  # beyond it nothing is a laboratory
 HORIZONTAL_RAD = (
     math.pi / 2
 )  # a load that swings so high hangs on nothing, and linear plans mean nothing
-ROUNDING = 1e-9  # share of a limit that a peak may exceed it by
+LIMIT_EXCESS_REL = 1e-9  # share of a limit that a peak may exceed it by
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,7 +123,7 @@ class Problem:
 
     def _check_periods(self) -> None:
         """A move is neither a jerk of the hand nor a day of swinging, in the time of any mode or of the filter."""
-        rates = np.abs(self.model.modes(cart_of(self.input)).rates_1_s) / (2.0 * math.pi)
+        rates = np.abs(self.model.modes(cart_of(self.input)).eigenvalues_1_s) / (2.0 * math.pi)
         slow, fast = self.time_s * float(rates.min()), self.time_s * float(rates.max())
         if slow < SHORTEST_PERIODS:
             raise PlanError(
@@ -209,5 +209,5 @@ class Plan:
         return tuple(
             f"{what} = {value:.6g} {unit}; limit {bound:g} {unit}: give the move more than time_s = {self.problem.time_s:g}"
             for what, value, unit, bound in checks
-            if value > bound * (1.0 + ROUNDING)
+            if value > bound * (1.0 + LIMIT_EXCESS_REL)
         )

@@ -26,7 +26,7 @@ class CableLine(NamedTuple):
 class Pinhole:
     """A camera distance_m before the home position, looking along +y and pitched down about its x axis."""
 
-    def __init__(self, camera: params.Camera, view: params.View, home_m: Position) -> None:
+    def __init__(self, camera: params.CameraParams, view: params.View, home_m: Position) -> None:
         self._home_m, self._distance_m, self._above_m = (
             home_m,
             camera.distance_m,

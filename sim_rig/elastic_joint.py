@@ -9,13 +9,13 @@ import math
 import random
 from typing import NamedTuple
 
-from sim_rig.joint_motion import Motion
-from sim_rig.joint_params import Joint, Pulse
+from sim_rig.joint_motion import JointMotion
+from sim_rig.joint_params import DisturbancePulse, Joint
 
 FASTEST_SPEED_RAD_S = 1e6  # of the motor; beyond, whatever commands it has lost it
 
 
-class Reading(NamedTuple):
+class SensorReading(NamedTuple):
     """What the sensors say."""
 
     motor_angle_rad: float
@@ -50,7 +50,7 @@ class ElasticJoint:
     def __init__(self, params: Joint, seed: int = 0) -> None:
         self.params = params
         self._t_s = self._t_missing_s = self._torque_n_m = self._error_rad = 0.0
-        self._motion, self._nudged = Motion(params), Motion(params, nudged=True)
+        self._motion, self._nudged = JointMotion(params), JointMotion(params, nudged=True)
         self._edges_s = sorted(
             {edge for pulse in params.disturbances for edge in (pulse.start_s, pulse.end_s)}
         )
@@ -81,7 +81,7 @@ class ElasticJoint:
             self._carry(end_s - begin_s)
         self._noise = self._random.gauss()
 
-    def read(self) -> Reading:
+    def read(self) -> SensorReading:
         """What the sensors say now; reading again says the same."""
         params, angle_rad = self.params, self._motion.angle_rad
         _, load_n_m = self._pulses_n_m()
@@ -94,7 +94,7 @@ class ElasticJoint:
         error_rad_s2 = (
             params.accelerometer_bias_rad_s2 + params.accelerometer_noise_rad_s2 * self._noise
         )
-        return Reading(
+        return SensorReading(
             seen_rad,
             self._motion.load_acceleration_rad_s2(load_n_m) / params.gear_ratio + error_rad_s2,
         )
@@ -134,7 +134,7 @@ class ElasticJoint:
             p.load_n_m for p in acting
         ) / self.params.gear_ratio
 
-    def _acts(self, pulse: Pulse) -> bool:
+    def _acts(self, pulse: DisturbancePulse) -> bool:
         return self._until_s(pulse.start_s) <= self._slack_s < self._until_s(pulse.end_s)
 
     @property

@@ -20,7 +20,9 @@ from sim_rig.joint_params import Joint
 
 ORDER = 24  # terms at most; a series that still has not died out is used over a part of its step
 NEGLIGIBLE = 1e-17  # of the largest term: two such terms in a row end a series
-ROUNDING = 2.0 * sys.float_info.epsilon  # what a step may be wrong by, relative to its largest term
+STEP_ROUNDING_REL = (
+    2.0 * sys.float_info.epsilon
+)  # what a step may be wrong by, relative to its largest term
 GUARD = (
     16.0 * sys.float_info.epsilon
 )  # relative to what a guard is made of: closer to its limit it is on it
@@ -38,7 +40,7 @@ class Terms(NamedTuple):
     valid: float  # up to this fraction what is left out is negligible
 
 
-class Motion:
+class JointMotion:
     """Where the joint is and how fast. A nudged one is pushed, after each step, by as much as that step may be wrong."""
 
     def __init__(self, joint: Joint, *, nudged: bool = False) -> None:
@@ -203,12 +205,12 @@ class Motion:
 
     def _nudge(self, size_rad_s: float, switched: bool) -> None:
         """Motor and load together, one way; what is stuck stays stuck, and what has just switched is pushed on its new way."""
-        slip_rad_s = (4.0 * GUARD if switched else ROUNDING) * size_rad_s
+        slip_rad_s = (4.0 * GUARD if switched else STEP_ROUNDING_REL) * size_rad_s
         if self.stuck:
             self.twist_speed_rad_s += slip_rad_s
         else:
             self.speed_rad_s += self.direction * slip_rad_s if switched else slip_rad_s
-            self.angle_rad += ROUNDING * abs(self.angle_rad)
+            self.angle_rad += STEP_ROUNDING_REL * abs(self.angle_rad)
 
 
 def _over(part: float, terms: list[float]) -> list[float]:

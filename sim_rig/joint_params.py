@@ -26,7 +26,7 @@ Limit = Annotated[float, Meta(gt=0.0, description="give it in N m, inf for none"
 Torque = Annotated[float, Meta(ge=0.0, le=1e6, description="give it in N m, 0 for none")]
 Push = Annotated[float, Meta(ge=-1e6, le=1e6, description="give it in N m")]
 Cycles = Annotated[float, Meta(ge=1e-3, le=1e4, description="periods per turn of the motor")]
-Phase = Annotated[float, Meta(ge=-1e3, le=1e3, description="give it in rad")]
+PhaseAngle = Annotated[float, Meta(ge=-1e3, le=1e3, description="give it in rad")]
 Angle = Annotated[float, Meta(ge=0.0, le=1.0, description="give it in rad, 0 for none")]
 Counts = Annotated[int, Meta(ge=0, le=2**40, description="0 for an encoder without steps")]
 Noise = Annotated[float, Meta(ge=0.0, le=1e6, description="rms in rad/s2, 0 for none")]
@@ -34,7 +34,7 @@ Bias = Annotated[float, Meta(ge=-1e6, le=1e6, description="give it in rad/s2")]
 Instant = Annotated[float, Meta(ge=0.0, le=1e6, description="seconds since the bench began")]
 
 
-class Pulse(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class DisturbancePulse(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A disturbance: constant torques on motor and load over start_s <= t < end_s. Raises ValueError, as Joint does."""
 
     start_s: Instant
@@ -71,7 +71,7 @@ class Joint(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
         0.0  # x sin(cycles_per_rev x motor angle + phase), pushing the motor
     )
     torque_ripple_cycles_per_rev: Cycles = 2.0  # a wave generator has two lobes
-    torque_ripple_phase_rad: Phase = 0.0
+    torque_ripple_phase_rad: PhaseAngle = 0.0
     coulomb_torque_n_m: Torque = 0.0  # dry friction at the motor
     encoder_ripple_rad: Angle = (
         0.0  # x sin(cycles_per_rev x motor angle), added to what the encoder reads
@@ -80,7 +80,7 @@ class Joint(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     encoder_counts_per_rev: Counts = 8192
     accelerometer_noise_rad_s2: Noise = 0.0  # white, a new value each sample
     accelerometer_bias_rad_s2: Bias = 0.0
-    disturbances: tuple[Pulse, ...] = ()
+    disturbances: tuple[DisturbancePulse, ...] = ()
 
     def __post_init__(self) -> None:
         _check_fields(self)
@@ -125,7 +125,7 @@ def _field_types(kind: type) -> dict[str, object]:
     return get_type_hints(kind, include_extras=True)
 
 
-def _check_fields(struct: Pulse | Joint) -> None:
+def _check_fields(struct: DisturbancePulse | Joint) -> None:
     """The bounds that the types state, for objects that no file was decoded into."""
     for key, kind in _field_types(type(struct)).items():
         value = getattr(struct, key)

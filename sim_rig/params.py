@@ -14,7 +14,7 @@ from msgspec import Meta
 from comms.messages import Position
 
 
-class Pendulum(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class PendulumParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """[bench.pendulum]: a point load on a massless cable; damping and frequency of the source rig (source 004, section 3.3)."""
 
     length_m: Annotated[float, Meta(ge=0.01, le=20.0)] = 1.0  # pivot to centre of the load
@@ -26,7 +26,7 @@ class Pendulum(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     gravity_m_s2: Annotated[float, Meta(gt=0.0, le=30.0)] = 9.81
 
 
-class Robot(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class RobotParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """[bench.robot]: the position loop of each Cartesian axis; the defaults rise from 10 to 90 % in 31 ms."""
 
     bandwidth_hz: Annotated[float, Meta(ge=0.1, le=200.0)] = 11.0  # -3 dB
@@ -36,7 +36,7 @@ class Robot(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     )
 
 
-class Camera(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class CameraParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """[bench.camera]: where the camera stands and how it sees a dark cable on a bright screen."""
 
     pitch_deg: Annotated[float, Meta(ge=-45.0, le=45.0)] = 1.0  # positive looks down
@@ -69,9 +69,9 @@ class View(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 class BenchParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The whole simulated world; raises ValueError when an exposure would outlast its frame period."""
 
-    pendulum: Pendulum = Pendulum()
-    robot: Robot = Robot()
-    camera: Camera = Camera()
+    pendulum: PendulumParams = PendulumParams()
+    robot: RobotParams = RobotParams()
+    camera: CameraParams = CameraParams()
     view: View = View()
     home_m: Position = (0.0, 0.0, 0.0)  # before the camera
     seed: Annotated[int, Meta(ge=0)] = 0  # of the picture noise

@@ -20,7 +20,7 @@ class Pendulum:
 
     __slots__ = ("_drag_m_s", "_gravity_m_s2", "_length_m", "angle_rad", "angular_velocity_rad_s")
 
-    def __init__(self, pendulum: params.Pendulum) -> None:
+    def __init__(self, pendulum: params.PendulumParams) -> None:
         self.angle_rad, self.angular_velocity_rad_s = pendulum.initial_swing_rad, 0.0
         self._length_m, self._gravity_m_s2 = pendulum.length_m, pendulum.gravity_m_s2
         self._drag_m_s = (

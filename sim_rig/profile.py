@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_rig.params import Camera
+from sim_rig.params import CameraParams
 
 PHASE_BITS = 8
 PHASES = (
@@ -34,13 +34,13 @@ class Windows(NamedTuple):
     last: int  # greatest k
 
 
-def reach_px(camera: Camera, cos_tilt: float) -> int:
+def reach_px(camera: CameraParams, cos_tilt: float) -> int:
     """Columns to each side of the axis beyond which a cable tilted by acos(cos_tilt) darkens nothing."""
     return math.ceil(_edge_px(camera) / cos_tilt)
 
 
 @functools.lru_cache(maxsize=64)
-def windows(camera: Camera, cos_tilt: float, width: int) -> Windows:
+def windows(camera: CameraParams, cos_tilt: float, width: int) -> Windows:
     """Look-up table of P for strips of `width` columns, anywhere from wholly left to wholly right of the cable."""
     zero = width + reach_px(camera, cos_tilt) + 1
     d_px, p_px = _integral(camera)
@@ -54,7 +54,7 @@ def windows(camera: Camera, cos_tilt: float, width: int) -> Windows:
 
 
 @functools.lru_cache(maxsize=4)
-def _integral(camera: Camera) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _integral(camera: CameraParams) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Distances d [px] and P(d) [grey levels px], from 0 to its full value; constant beyond."""
     s, half, edge = _sigma_px(camera), 0.5 * camera.cable_width_px, _edge_px(camera)
     d = np.linspace(-edge, edge, 2 * math.ceil(FINE * edge) + 1)
@@ -69,9 +69,9 @@ def _ramp(z: float) -> float:
     )
 
 
-def _edge_px(camera: Camera) -> float:
+def _edge_px(camera: CameraParams) -> float:
     return 0.5 * camera.cable_width_px + TAILS * _sigma_px(camera)
 
 
-def _sigma_px(camera: Camera) -> float:
+def _sigma_px(camera: CameraParams) -> float:
     return math.sqrt(camera.psf_px**2 + 1.0 / 12.0)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sim_rig import profile
 from sim_rig.camera import CableLine
-from sim_rig.params import Camera, View
+from sim_rig.params import CameraParams, View
 
 BACKGROUNDS = 8  # noisy screens, drawn once and taken in turn
 STRIP = 8  # strips are multiples of this many columns
@@ -21,7 +21,7 @@ PHASES = float(profile.PHASES)
 class Renderer:
     """Paints pictures; equal seeds give equal pictures."""
 
-    def __init__(self, camera: Camera, view: View, seed: int) -> None:
+    def __init__(self, camera: CameraParams, view: View, seed: int) -> None:
         self._camera, self._width = camera, view.width
         shape = (BACKGROUNDS, view.height, view.width)
         noise = np.random.default_rng(seed).standard_normal(shape, dtype=np.float32)

@@ -28,10 +28,10 @@ class Substep(NamedTuple):
     half: Propagator
 
 
-class Loop:
+class ServoLoop:
     """x'' = wn^2 (setpoint - x) - 2 zeta wn x', with wn such that |x/setpoint| falls to -3 dB at bandwidth_hz."""
 
-    def __init__(self, robot: params.Robot) -> None:
+    def __init__(self, robot: params.RobotParams) -> None:
         zeta = robot.damping
         spread = 1.0 - 2.0 * zeta * zeta
         self.natural_rad_s = (
@@ -65,7 +65,7 @@ class Loop:
         )
 
 
-class Axis:
+class AxisState:
     """Position and velocity of one axis on its way to a setpoint."""
 
     __slots__ = ("_error_m", "_setpoint_m", "velocity_m_s")
@@ -107,9 +107,9 @@ class Axis:
 class Platform:
     """The three axes together: x right, y depth, z up."""
 
-    def __init__(self, robot: params.Robot, home_m: Position) -> None:
-        self.loop = Loop(robot)
-        self.x, self.y, self.z = (Axis(home) for home in home_m)
+    def __init__(self, robot: params.RobotParams, home_m: Position) -> None:
+        self.loop = ServoLoop(robot)
+        self.x, self.y, self.z = (AxisState(home) for home in home_m)
 
     @property
     def position_m(self) -> Position:

@@ -17,7 +17,7 @@ DIM = 40.0  # grey level of a red screen in the blue and green planes; the cable
 BACKGROUNDS = 8  # noisy dim planes, drawn once and taken in turn
 
 
-class VideoFrame(NamedTuple):
+class RenderedFrame(NamedTuple):
     """One picture and what it shows."""
 
     number: int  # from 0
@@ -28,7 +28,7 @@ class VideoFrame(NamedTuple):
 
 def swinging_video(
     params: BenchParams, seconds: float, seed: int | None = None
-) -> Iterator[VideoFrame]:
+) -> Iterator[RenderedFrame]:
     """Pictures at view.rate_hz whose exposures start in [0, seconds), of a load released from initial_swing_rad at rest.
 
     seed replaces params.seed. Raises ValueError when the view has no frame rate.
@@ -45,7 +45,7 @@ def swinging_video(
             exposure = shutter.look(bench)
         blue, green = dim[index % BACKGROUNDS], dim[(index + BACKGROUNDS // 2) % BACKGROUNDS]
         image = np.stack([blue, green, exposure.pixels], axis=-1)
-        yield VideoFrame(
+        yield RenderedFrame(
             index,
             (exposure.start_ns + 0.5 * shutter.exposure_ns) * 1e-9,
             exposure.middle_rad,

@@ -17,7 +17,7 @@ from comms.messages import (
     Velocity,
 )
 from comms.replies import Replies
-from comms.task import NOTHING, Send, Step
+from comms.task import NO_STEP, Send, Step
 from sim_rig.bench import Bench
 from sim_rig.params import BenchParams
 from sim_rig.shutter import Exposure, Shutter
@@ -71,15 +71,15 @@ class BenchTask:
         if isinstance(message, Setpoint):
             self._phase = Phase.RUNNING
             if message.position_m == self._aim_m:  # holding: nothing to stop the physics for
-                return NOTHING
+                return NO_STEP
             self._aim_m = message.position_m
             self._setpoints.append((t_ns - t_ns % SERVO_NS + SERVO_NS, message.position_m))
-            return NOTHING
+            return NO_STEP
         if isinstance(message, Command):
             return Step(
                 [self._replies.answer(message, self._phase, t_ns, f"{self.late_ticks} late ticks")]
             )
-        return NOTHING
+        return NO_STEP
 
     def on_tick(self, t_ns: int) -> Step:
         """Everything due up to t_ns, in the order of time; of several encoder readings only the newest."""
@@ -115,7 +115,7 @@ class BenchTask:
 
     def stop(self, t_ns: int) -> Step:
         """Nothing to put down."""
-        return NOTHING
+        return NO_STEP
 
     def _truth(self, t_ns: int, position_m: Position, velocity_m_s: Velocity) -> Truth:
         return Truth(

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, overload
 import numpy as np
 
 Grey = np.ndarray[Any, np.dtype[np.uint8]]
-Floats = np.ndarray[Any, np.dtype[np.float64]]
+FloatArray = np.ndarray[Any, np.dtype[np.float64]]
 Rows = np.ndarray[Any, np.dtype[np.intp]]
 
 TEMPLATE_SIGMA_PX = 1.2  # close to a 2 to 3 px cable behind a sharp lens (deviation 1.0 to 1.25 px)
@@ -23,7 +23,7 @@ FINEST_PX = 1e-3  # rows of a picture without noise may agree exactly; that make
 MIN_ROWS = 8  # below this a scatter means nothing
 
 
-class Line(NamedTuple):
+class ImageLine(NamedTuple):
     """u = intercept_px + slope * v, in pixel coordinates (integer = pixel centre)."""
 
     intercept_px: float
@@ -32,8 +32,8 @@ class Line(NamedTuple):
     @overload
     def at(self, v: float) -> float: ...
     @overload
-    def at(self, v: Floats | Rows) -> Floats: ...
-    def at(self, v: float | Floats | Rows) -> float | Floats:
+    def at(self, v: FloatArray | Rows) -> FloatArray: ...
+    def at(self, v: float | FloatArray | Rows) -> float | FloatArray:
         """Column at row v [px]."""
         return self.intercept_px + self.slope * v  # type: ignore[return-value]
 
@@ -41,14 +41,14 @@ class Line(NamedTuple):
 class RowOffsets(NamedTuple):
     """How far the cable is from a line in each row, and how well the row knows it."""
 
-    offset_px: Floats  # (N,)
-    stiffness: Floats  # (N,) curvature of the correlation [grey/px^2]; noise / stiffness is the row's deviation
+    offset_px: FloatArray  # (N,)
+    stiffness: FloatArray  # (N,) curvature of the correlation [grey/px^2]; noise / stiffness is the row's deviation
 
 
 class LineFit(NamedTuple):
     """A line and how well its rows agree."""
 
-    line: Line
+    line: ImageLine
     rows: int  # within three deviations of the line
     scatter_px: float  # rms distance of those rows
     sigma_slope: float  # one standard deviation, from the scatter
@@ -82,7 +82,7 @@ def runs(image: Grey, first: Rows, width: int) -> Grey:
     return every[first].view(np.uint8).reshape(-1, width)
 
 
-def row_offsets(image: Grey, v: Rows, u: Floats) -> RowOffsets:
+def row_offsets(image: Grey, v: Rows, u: FloatArray) -> RowOffsets:
     """One Newton step, in each row, to where the correlation with a Gaussian is stationary.
 
     image (H, W) uint8 contiguous, v (N,) rows, u (N,) columns near the cable, at least REACH_PX from the border.
@@ -98,7 +98,7 @@ def row_offsets(image: Grey, v: Rows, u: Floats) -> RowOffsets:
     return RowOffsets(first / stiffness + (step / PHASES - u), stiffness)
 
 
-def refined_columns(image: Grey, v: Rows, u: Rows) -> Floats:
+def refined_columns(image: Grey, v: Rows, u: Rows) -> FloatArray:
     """The same Newton step from whole pixels u (N,), quicker: good to 0.06 px, and never more than a pixel."""
     first, second = (_pixels(image, v, u) @ TEMPLATES[PHASES // 2].T).T
     return np.asarray(
@@ -111,19 +111,21 @@ def _pixels(image: Grey, v: Rows, centre: Rows) -> np.ndarray[Any, np.dtype[np.f
     return runs(image, v * image.shape[1] + (centre - REACH_PX), TAPS).astype(np.float32)
 
 
-def coarse_line(v: Floats, u: Floats, start: Line, trust: Floats | float = 1.0) -> Line:
+def coarse_line(
+    v: FloatArray, u: FloatArray, start: ImageLine, trust: FloatArray | float = 1.0
+) -> ImageLine:
     """Line through points (N,), N >= 2, many of them wrong: Geman-McClure weights, times trust, with a shrinking scale."""
     offset = u - start.at(v)
     moments = _moments(v, offset)
     residual = offset - _median(offset)
-    line = Line(0.0, 0.0)
+    line = ImageLine(0.0, 0.0)
     for scale in COARSE_PX:
         line = _solve(moments, trust / np.square(1.0 + np.square(residual / scale)))
         residual = offset - line.at(v)
-    return Line(start.intercept_px + line.intercept_px, start.slope + line.slope)
+    return ImageLine(start.intercept_px + line.intercept_px, start.slope + line.slope)
 
 
-def huber_line(v: Floats, offsets: RowOffsets, start: Line) -> LineFit:
+def huber_line(v: FloatArray, offsets: RowOffsets, start: ImageLine) -> LineFit:
     """Huber line by reweighted least squares at rows v (N,), N >= MIN_ROWS, about start, a robust line already.
 
     A row counts by its stiffness squared, as in a Gauss-Newton step on the picture itself.
@@ -131,7 +133,7 @@ def huber_line(v: Floats, offsets: RowOffsets, start: Line) -> LineFit:
     offset, stiffness = offsets
     moments = _moments(v, offset)
     precision = stiffness * stiffness
-    line, residual, reach = Line(0.0, 0.0), offset, 0.0
+    line, residual, reach = ImageLine(0.0, 0.0), offset, 0.0
     finest = FINEST_PX * float(stiffness.max())
     apart = np.abs(offset) * stiffness  # from the line, in deviations but for a factor
     for _ in range(HUBER_ROUNDS):
@@ -142,12 +144,12 @@ def huber_line(v: Floats, offsets: RowOffsets, start: Line) -> LineFit:
         residual = offset - line.at(v)
         apart = np.abs(residual) * stiffness
     near = apart <= 3.0 / HUBER * reach
-    moved = Line(start.intercept_px + line.intercept_px, start.slope + line.slope)
+    moved = ImageLine(start.intercept_px + line.intercept_px, start.slope + line.slope)
     return _described(moved, moments, residual, precision * near, int(np.count_nonzero(near)))
 
 
 def _described(
-    line: Line, moments: Floats, residual: Floats, precision: Floats, rows: int
+    line: ImageLine, moments: FloatArray, residual: FloatArray, precision: FloatArray, rows: int
 ) -> LineFit:
     """The fit with its scatter and sigma_slope^2 = (scatter^2 per unit weight) / (weighted spread of the rows)."""
     total, first, second, _, _ = (moments @ precision).tolist()
@@ -157,7 +159,7 @@ def _described(
     return LineFit(line, rows, math.sqrt(squares / total), sigma_slope, math.sqrt(total / rows))
 
 
-def _moments(v: Floats, y: Floats) -> Floats:
+def _moments(v: FloatArray, y: FloatArray) -> FloatArray:
     """(5, N): 1, v, v^2, y, v y, whose weighted sums are all that a straight line needs."""
     moments = np.empty((5, len(v)))
     moments[0], moments[1], moments[3] = 1.0, v, y
@@ -166,14 +168,14 @@ def _moments(v: Floats, y: Floats) -> Floats:
     return moments
 
 
-def _solve(moments: Floats, weight: Floats) -> Line:
+def _solve(moments: FloatArray, weight: FloatArray) -> ImageLine:
     """Weighted least squares line y over v."""
     s0, s1, s2, y0, y1 = (moments @ weight).tolist()
     determinant = s0 * s2 - s1 * s1
-    return Line((s2 * y0 - s1 * y1) / determinant, (s0 * y1 - s1 * y0) / determinant)
+    return ImageLine((s2 * y0 - s1 * y1) / determinant, (s0 * y1 - s1 * y0) / determinant)
 
 
-def _median(x: Floats) -> float:
+def _median(x: FloatArray) -> float:
     """Upper median to seven digits: sorting some hundred single-precision numbers is nine times quicker than np.median."""
     ordered = x.astype(np.float32)
     ordered.sort()

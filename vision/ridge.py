@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 
-from vision.line_fit import Line, coarse_line
+from vision.line_fit import ImageLine, coarse_line
 
 Grey = np.ndarray[Any, np.dtype[np.uint8]]
-Floats = np.ndarray[Any, np.dtype[np.float64]]
+FloatArray = np.ndarray[Any, np.dtype[np.float64]]
 
 FLANK_PX = 5  # the flanks compared with the centre; a bar wider than about 8 px shades one of them everywhere
 CLEAR_ROWS = 8  # rows nearer than this to the pivot's say nothing about the slope
@@ -39,11 +39,11 @@ class Levels(NamedTuple):
     noise: float  # standard deviation of a pixel, from the absolute differences of neighbours
 
 
-class Candidate(NamedTuple):
+class LineCandidate(NamedTuple):
     """The line that most dark pixels vote for."""
 
-    line: Line
-    rivalled: bool  # a second line has nearly as many votes
+    line: ImageLine
+    ambiguous: bool  # a second line has nearly as many votes
 
 
 def grey_levels(image: Grey) -> Levels:
@@ -60,7 +60,7 @@ def grey_levels(image: Grey) -> Levels:
     return Levels(float(sample[half]), saturated, max(noise, NOISE_FLOOR))
 
 
-def thinness(image: Grey) -> Grey:
+def line_response(image: Grey) -> Grey:
     """How much darker 3 px are than both flanks, 5 px left and right: (H, W) uint8 -> (1, H W) uint8, 0 where they are not.
 
     The smaller flank counts, so one side of a wide bar or of a step gives nothing. Flanks run on from row to row.
@@ -73,14 +73,14 @@ def thinness(image: Grey) -> Grey:
     return out
 
 
-def search(image: Grey, pivot_px: tuple[float, float], threshold: float) -> Candidate | None:
+def search(image: Grey, pivot_px: tuple[float, float], threshold: float) -> LineCandidate | None:
     """The thin dark line through the predicted pivot (u, v), from a vote of the whole picture; None if nothing stands out.
 
     Every pixel whose thinness exceeds threshold votes for its slope as seen from five places about the pivot. Those that
     voted for the winner, weighted by their thinness, then say where it is to some hundredths of a pixel.
     """
     width = image.shape[1]
-    thin = thinness(np.ascontiguousarray(image[::SEARCH_EVERY])).ravel()
+    thin = line_response(np.ascontiguousarray(image[::SEARCH_EVERY])).ravel()
     found = np.flatnonzero(thin > int(threshold))
     found = found[:: 1 + len(found) // MAX_CANDIDATES]
     v, u = np.divmod(found, width)
@@ -94,18 +94,18 @@ def search(image: Grey, pivot_px: tuple[float, float], threshold: float) -> Cand
         return None
     own = np.abs(du - offset - slope * dv) <= RIVAL_PX
     rest = ~own
-    rivalled = (
+    ambiguous = (
         np.count_nonzero(rest) > RIVAL_SHARE * votes
         and _vote(du[rest], dv[rest])[0] > RIVAL_SHARE * votes
     )
     line = coarse_line(
-        dv[own], du[own], Line(offset, slope), thin[found[below][own]].astype(np.float64)
+        dv[own], du[own], ImageLine(offset, slope), thin[found[below][own]].astype(np.float64)
     )
-    at_picture = Line(pivot_px[0] + line.at(-pivot_px[1]), line.slope)
-    return Candidate(at_picture, bool(rivalled))
+    at_picture = ImageLine(pivot_px[0] + line.at(-pivot_px[1]), line.slope)
+    return LineCandidate(at_picture, bool(ambiguous))
 
 
-def _vote(du: Floats, dv: Floats) -> tuple[int, float, float]:
+def _vote(du: FloatArray, dv: FloatArray) -> tuple[int, float, float]:
     """Most votes for one line, its offset from the pivot [px] and its slope; du, dv (N,) are counted from the pivot."""
     bins = (du - PIVOT_OFFSETS_PX[:, None]) / dv  # (5, N)
     bins = ((bins + SLOPE_LIMIT) * (1.0 / SLOPE_STEP)).clip(0.0, BINS - 1.0) + FIRST_BIN

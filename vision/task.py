@@ -8,9 +8,9 @@ from typing import NamedTuple
 import cv2
 import msgspec
 
-from comms.messages import AngleSample, Command, Frame, Message, Phase, Reason, RobotState
+from comms.messages import AngleSample, Command, Frame, InvalidReason, Message, Phase, RobotState
 from comms.replies import Replies
-from comms.task import NOTHING, Send, Step
+from comms.task import NO_STEP, Send, Step
 from vision.filters import MovingAverage
 from vision.geometry import PivotModel
 from vision.offset_table import Offset, OffsetTable
@@ -71,7 +71,7 @@ class VisionTask:
     def start(self, t_ns: int) -> Step:
         """Nothing to send; one thread is quicker than many on pictures this small, and repeatable."""
         cv2.setNumThreads(1)
-        return NOTHING
+        return NO_STEP
 
     def on_message(self, channel: str, message: Message, t_ns: int) -> Step:
         """Serves `platform`, `frame` and `command`; ignores the rest."""
@@ -85,15 +85,15 @@ class VisionTask:
                 return Step(
                     (self._replies.answer(message, Phase.RUNNING, t_ns),)
                 )  # looks as long as it lives
-        return NOTHING
+        return NO_STEP
 
     def on_tick(self, t_ns: int) -> Step:
         """Asks for no wake, has no timer."""
-        return NOTHING
+        return NO_STEP
 
     def stop(self, t_ns: int) -> Step:
         """Nothing to end."""
-        return NOTHING
+        return NO_STEP
 
     def _remember(self, state: RobotState) -> None:
         if self._platform and state.t_actual_ns <= self._platform[-1].t_ns:
@@ -107,10 +107,10 @@ class VisionTask:
         x_m = self._platform_at(middle_ns)
         fit, reason = self._measured(frame, x_m)
         offset = self._offset_at(x_m or 0.0)
-        if reason is Reason.NONE and not offset.within:
-            reason = Reason.OUT_OF_RANGE
+        if reason is InvalidReason.NONE and not offset.within:
+            reason = InvalidReason.OUT_OF_RANGE
         mean = None
-        if reason is Reason.NONE and fit.angle_rad is not None and fit.sigma_rad is not None:
+        if reason is InvalidReason.NONE and fit.angle_rad is not None and fit.sigma_rad is not None:
             t_ns = middle_ns + self._readout_ns(frame)
             mean = self._average.add(t_ns, fit.angle_rad - offset.offset_rad, fit.sigma_rad)
         else:
@@ -134,21 +134,21 @@ class VisionTask:
             saturation=fit.saturation,
         )
 
-    def _measured(self, frame: Frame, x_m: float | None) -> tuple[Fit, Reason]:
+    def _measured(self, frame: Frame, x_m: float | None) -> tuple[Fit, InvalidReason]:
         """What the tracker says of the frame; the tracker forgets where the cable was when it gets no picture."""
         size = self._settings.height, self._settings.width
         if frame.pixels.shape != (*size, 3)[: 3 if frame.encoding == "bgr8" else 2]:
             self._tracker.forget()
-            return Fit(), Reason.BAD_IMAGE
+            return Fit(), InvalidReason.BAD_IMAGE
         red = red_plane(frame.pixels)
         if x_m is None:
             self._tracker.forget()
             levels = grey_levels(red)
             return Fit(
                 background=levels.background, saturation=levels.saturation
-            ), Reason.NO_PLATFORM
+            ), InvalidReason.NO_PLATFORM
         fit = self._tracker.measure(red, self._pivot.pivot_px(x_m))
-        return fit, Reason(fit.reason.value)
+        return fit, InvalidReason(fit.reason.value)
 
     def _platform_at(self, t_ns: int) -> float | None:
         """X of the platform at t_ns [m]: cubic Hermite between samples, constant velocity beyond; None too far from any."""

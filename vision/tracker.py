@@ -21,9 +21,9 @@ from vision.line_fit import (
     MIN_ROWS,
     REACH_PX,
     SLOPE_NORM,
-    Floats,
+    FloatArray,
     Grey,
-    Line,
+    ImageLine,
     LineFit,
     RowOffsets,
     Rows,
@@ -33,7 +33,15 @@ from vision.line_fit import (
     row_offsets,
     runs,
 )
-from vision.ridge import CLEAR_ROWS, FLANK_PX, SLOPE_LIMIT, Levels, grey_levels, search, thinness
+from vision.ridge import (
+    CLEAR_ROWS,
+    FLANK_PX,
+    SLOPE_LIMIT,
+    Levels,
+    grey_levels,
+    line_response,
+    search,
+)
 
 STRIP_PX = 40  # the cable may be 14 px from the prediction: 27 mrad at the bottom of the picture
 GROUP = np.arange(4)  # the coarse line looks at one row in four, the fit at all of them
@@ -58,7 +66,7 @@ CONTINUED = (
 )  # weights of the last angles in the next, newest first
 
 
-class Reason(enum.Enum):
+class TrackFailure(enum.Enum):
     """Why a picture gave no angle; the values are those of the wire."""
 
     NONE = "none"
@@ -76,7 +84,7 @@ class Fit:
 
     angle_rad: float | None = None  # atan(du/dv): positive = lower end to the right
     sigma_rad: float | None = None  # one standard deviation, from the scatter of the rows
-    reason: Reason = Reason.NONE
+    reason: TrackFailure = TrackFailure.NONE
     rows: int = 0  # rows the line rests on
     residual_px: float | None = None  # rms distance of those rows from the line
     pivot_miss_px: float | None = None  # line minus predicted pivot, along x, at the pivot's row
@@ -86,7 +94,7 @@ class Fit:
     @property
     def valid(self) -> bool:
         """Whether there is an angle."""
-        return self.reason is Reason.NONE
+        return self.reason is TrackFailure.NONE
 
 
 class Tracker:
@@ -122,7 +130,7 @@ class Tracker:
         """
         if image.shape != (self.height, self.width) or image.dtype != np.uint8:
             self.forget()
-            return Fit(reason=Reason.BAD_IMAGE)
+            return Fit(reason=TrackFailure.BAD_IMAGE)
         image = np.ascontiguousarray(image)
         levels = grey_levels(image)
         expected = self._expected(pivot_px, predicted_angle_rad)
@@ -132,13 +140,13 @@ class Tracker:
         self._remember(fit)
         return fit
 
-    def _expected(self, pivot_px: tuple[float, float], angle_rad: float | None) -> Line | None:
+    def _expected(self, pivot_px: tuple[float, float], angle_rad: float | None) -> ImageLine | None:
         if angle_rad is None:
             if not self._angles_rad:
                 return None
             angle_rad = sum(map(operator.mul, self._angles_rad, CONTINUED[len(self._angles_rad)]))
         slope = math.tan(angle_rad)
-        return Line(pivot_px[0] + self._miss_px - slope * pivot_px[1], slope)
+        return ImageLine(pivot_px[0] + self._miss_px - slope * pivot_px[1], slope)
 
     def _remember(self, fit: Fit) -> None:
         if fit.angle_rad is None or fit.pivot_miss_px is None:
@@ -151,11 +159,15 @@ class Tracker:
         candidate = search(image, pivot_px, RIDGE_SIGMAS * levels.noise)
         if candidate is None:
             flat = int(image.min()) == int(image.max())
-            return _refused(Reason.BAD_IMAGE if flat else Reason.NO_CABLE, levels)
+            return _refused(TrackFailure.BAD_IMAGE if flat else TrackFailure.NO_CABLE, levels)
         fit = self._along(image, levels, candidate.line, pivot_px)
-        return _refused(Reason.AMBIGUOUS, levels) if fit.valid and candidate.rivalled else fit
+        return (
+            _refused(TrackFailure.AMBIGUOUS, levels) if fit.valid and candidate.ambiguous else fit
+        )
 
-    def _along(self, image: Grey, levels: Levels, near: Line, pivot_px: tuple[float, float]) -> Fit:
+    def _along(
+        self, image: Grey, levels: Levels, near: ImageLine, pivot_px: tuple[float, float]
+    ) -> Fit:
         """The line that is near already, in nearly every picture; else whatever crosses the strip about it."""
         fit = self._direct(image, levels, near, pivot_px)
         if fit and fit.valid:
@@ -164,7 +176,7 @@ class Tracker:
         return self._through_strip(image, levels, near, pivot_px)
 
     def _direct(
-        self, image: Grey, levels: Levels, line: Line, pivot_px: tuple[float, float]
+        self, image: Grey, levels: Levels, line: ImageLine, pivot_px: tuple[float, float]
     ) -> Fit | None:
         """Newton steps of every row from line; None unless nearly all rows agree on a line that stays."""
         v = self._every[max(0, math.floor(pivot_px[1]) + CLEAR_ROWS + 1) :]
@@ -187,23 +199,25 @@ class Tracker:
         return None
 
     def _through_strip(
-        self, image: Grey, levels: Levels, near: Line, pivot_px: tuple[float, float]
+        self, image: Grey, levels: Levels, near: ImageLine, pivot_px: tuple[float, float]
     ) -> Fit:
         """Coarse line through the darkest points of the strip about near, a Newton step on the picture, verdict."""
         v, u = self._dark_points(image, near, pivot_px[1], RIDGE_SIGMAS * levels.noise)
         if len(v) < MIN_ROWS:
-            return _refused(Reason.NO_CABLE, levels)
+            return _refused(TrackFailure.NO_CABLE, levels)
         line = coarse_line(v.astype(np.float64), u, near)
         if abs(line.slope) > SLOPE_LIMIT:
-            return _refused(Reason.NO_CABLE, levels)
+            return _refused(TrackFailure.NO_CABLE, levels)
         x = line.at(v)
         close = (
             (np.abs(u - x) < COARSE_REACH_PX) & (x > BORDER_PX) & (x < self.width - 1 - BORDER_PX)
         )
         fit = self._fitted(image, levels, (v[close, None] + GROUP).ravel(), line)
-        return self._verdict(fit, levels, pivot_px) if fit else _refused(Reason.FEW_ROWS, levels)
+        return (
+            self._verdict(fit, levels, pivot_px) if fit else _refused(TrackFailure.FEW_ROWS, levels)
+        )
 
-    def _fitted(self, image: Grey, levels: Levels, v: Rows, line: Line) -> LineFit | None:
+    def _fitted(self, image: Grey, levels: Levels, v: Rows, line: ImageLine) -> LineFit | None:
         """A Newton step on the picture in rows v (N,) from line; None if too few of them see a cable."""
         offsets = row_offsets(image, v, line.at(v))
         good = (np.abs(offsets.offset_px) < NEWTON_REACH_PX) & (
@@ -217,14 +231,14 @@ class Tracker:
         return huber_line(v.astype(np.float64), offsets, line)
 
     def _dark_points(
-        self, image: Grey, near: Line, pivot_v: float, threshold: float
-    ) -> tuple[Rows, Floats]:
+        self, image: Grey, near: ImageLine, pivot_v: float, threshold: float
+    ) -> tuple[Rows, FloatArray]:
         """One row in four (N,) where something thin and dark crosses the strip, and its columns (N,) to 0.1 px."""
         start = np.rint(near.at(self._rows)).astype(np.intp) - STRIP_PX // 2
         start = np.minimum(np.maximum(start, 0), self.width - STRIP_PX)
         strip = runs(image, self._rows * self.width + start, STRIP_PX)
         response = cv2.multiply(
-            thinness(strip.reshape(1, -1)).reshape(self._shade.shape),
+            line_response(strip.reshape(1, -1)).reshape(self._shade.shape),
             self._shade,
             scale=1.0 / 255.0,
         )
@@ -236,14 +250,14 @@ class Tracker:
     def _verdict(self, fit: LineFit, levels: Levels, pivot_px: tuple[float, float]) -> Fit:
         miss = fit.line.at(pivot_px[1]) - pivot_px[0]
         expected_px = levels.noise * SLOPE_NORM / fit.stiffness
-        reason = Reason.NONE
+        reason = TrackFailure.NONE
         if abs(miss) > PIVOT_REACH_PX:
-            reason = Reason.PIVOT_MISSED
+            reason = TrackFailure.PIVOT_MISSED
         elif fit.rows < ROWS_SHARE * self.height:
-            reason = Reason.FEW_ROWS
+            reason = TrackFailure.FEW_ROWS
         elif fit.scatter_px > max(SCATTER_PX, SCATTER_SIGMAS * expected_px):
-            reason = Reason.POOR_FIT
-        seen = reason is Reason.NONE
+            reason = TrackFailure.POOR_FIT
+        seen = reason is TrackFailure.NONE
         return Fit(
             angle_rad=math.atan(fit.line.slope) if seen else None,
             sigma_rad=fit.sigma_slope / (1.0 + fit.line.slope**2) if seen else None,
@@ -256,5 +270,5 @@ class Tracker:
         )
 
 
-def _refused(reason: Reason, levels: Levels) -> Fit:
+def _refused(reason: TrackFailure, levels: Levels) -> Fit:
     return Fit(reason=reason, background=levels.background, saturation=levels.saturation)

@@ -13,7 +13,7 @@ from planners.boundary_value.linear import LinearProblem, Spectrum
 from planners.errors import PlanError
 from planners.problem import Problem
 from planners.trajectories.driven import Term, driven, real_part
-from planners.trajectories.pieces import ComplexArray, ExpPolynomial, Mode, add_closed
+from planners.trajectories.pieces import ComplexArray, ExpPolynomial, ModalTerm, add_closed
 from planners.trajectories.trajectory import Trajectory
 
 END_ERROR = 1e-9  # of the move
@@ -29,7 +29,7 @@ def trajectory_of(
     Raises PlanError when rounding has spoilt the end of the move.
     """
     spectrum, time_s = linear.system.spectrum, linear.time_s
-    steep = float(np.abs(spectrum.rates_1_s.real).max()) * time_s
+    steep = float(np.abs(spectrum.eigenvalues_1_s.real).max()) * time_s
     parts = max(1, math.ceil(steep / STEEPEST))
     cuts = [time_s * k / parts for k in range(parts + 1)]
     shares = (
@@ -93,10 +93,10 @@ class _Path:
             self.position_m + float(e.coupling_kg_m @ angles) / whole,
             self._speed + float(e.coupling_kg_m @ rates) / whole,
         ]
-        shares = -(e.coupling_kg_m @ modes.shapes[:n]) / whole
-        values = modes.filters @ np.concatenate([angles, rates])
+        shares = -(e.coupling_kg_m @ modes.mode_shapes[:n]) / whole
+        values = modes.left_eigenvectors @ np.concatenate([angles, rates])
         for rate, share, value in zip(
-            modes.rates_1_s.tolist(), shares.tolist(), values.tolist(), strict=True
+            modes.eigenvalues_1_s.tolist(), shares.tolist(), values.tolist(), strict=True
         ):
             if rate.imag >= 0.0:
                 self._swing.append((rate, share * (2.0 if rate.imag else 1.0), value))
@@ -135,7 +135,7 @@ def _input(
     spectrum: Spectrum, shares: ComplexArray, left_s: float, duration_s: float
 ) -> ExpPolynomial:
     """The piece that begins left_s before the end of the move."""
-    rates, terms = spectrum.rates_1_s.tolist(), dict[int, tuple[complex, complex]]()
+    rates, terms = spectrum.eigenvalues_1_s.tolist(), dict[int, tuple[complex, complex]]()
     for power, driver, share in zip(
         spectrum.powers.tolist(), spectrum.drivers.tolist(), shares.tolist(), strict=True
     ):
@@ -149,5 +149,5 @@ def _input(
         elif rate.imag <= 0.0:  # the other half of a pair doubles the real part
             size = cmath.exp(rate * left_s) * (2.0 if rate.imag else 1.0)
             p = (size * (c0 + c1 * left_s), -size * c1) if c1 else (size * c0,)
-            modes.append(Mode(-rate, p))
+            modes.append(ModalTerm(-rate, p))
     return ExpPolynomial(duration_s, line, tuple(modes))

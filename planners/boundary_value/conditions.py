@@ -34,7 +34,7 @@ class Conditions:
     input: Field  # (2n, N) -> (N,)
     acceleration: Field  # of the platform, (2n, N) -> (N,)
     sizes: FloatArray  # (2n,) of what z may become, to divide by
-    rates_1_s: ComplexArray  # (2n,) eigenvalues of the linear problem's Hamiltonian
+    eigenvalues_1_s: ComplexArray  # (2n,) eigenvalues of the linear problem's Hamiltonian
     way_out: str  # what helps where a numerical solver fails
 
 
@@ -75,7 +75,7 @@ def linear_conditions(linear: LinearProblem) -> Conditions:
         input=lambda z: -linear.b @ z[n:] / linear.r,
         acceleration=lambda z: row @ z,
         sizes=_sizes(linear, start, goal),
-        rates_1_s=np.linalg.eigvals(s).astype(np.complex128),
+        eigenvalues_1_s=np.linalg.eigvals(s).astype(np.complex128),
         way_out="take matrix_exponential"
         if linear.q.any()
         else "take convolution or matrix_exponential",

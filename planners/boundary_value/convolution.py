@@ -13,7 +13,7 @@ from planners.problem import Problem
 from planners.trajectories.pieces import ComplexArray, FloatArray
 from planners.trajectories.trajectory import Trajectory
 
-NODES = 20  # of Gauss-Legendre on 0..1: exact to rounding for exp(x s), |x| <= FEW
+GAUSS_NODES = 20  # of Gauss-Legendre on 0..1: exact to rounding for exp(x s), |x| <= FEW
 FEW = 8.0
 REFINEMENTS = 2  # bring the end from 1e-9 to 1e-12 of the move where the responses are nearly alike
 
@@ -56,7 +56,7 @@ def coefficients(linear: LinearProblem) -> ComplexArray:
 def gramian(spectrum: Spectrum, time_s: float) -> ComplexArray:
     """W_ij = int_0^T s^(k_i + k_j) exp((rate_i + conj rate_j) s) ds: (n, n), Hermitian."""
     pairs = spectrum.pairs
-    moments = _moments(pairs.rates_1_s * time_s)  # (m, m, 3)
+    moments = _moments(pairs.eigenvalues_1_s * time_s)  # (m, m, 3)
     return np.asarray(
         moments[pairs.first, pairs.second, pairs.powers] * time_s ** (pairs.powers + 1.0)
     )
@@ -67,7 +67,9 @@ def _to_do(linear: LinearProblem) -> ComplexArray:
     spectrum, time_s = linear.system.spectrum, linear.time_s
     start = spectrum.rows @ linear.start
     start += (time_s * spectrum.powers) * start[spectrum.drivers]  # a driver's own power is 0
-    return np.asarray(spectrum.rows @ linear.goal - np.exp(spectrum.rates_1_s * time_s) * start)
+    return np.asarray(
+        spectrum.rows @ linear.goal - np.exp(spectrum.eigenvalues_1_s * time_s) * start
+    )
 
 
 def _moments(x: ComplexArray) -> ComplexArray:
@@ -91,6 +93,6 @@ def _gauss_legendre() -> tuple[FloatArray, FloatArray]:
     """Nodes (N,) on 0..1 and weights (N, 3) with the powers of s."""
     from numpy.polynomial.legendre import leggauss
 
-    x, w = leggauss(NODES)
+    x, w = leggauss(GAUSS_NODES)
     s = (x + 1.0) / 2.0
     return s, (w / 2.0)[:, None] * s[:, None] ** np.arange(3)

@@ -17,7 +17,9 @@ from planners.trajectories.trajectory import Trajectory
 AGREED = 3e-7  # of the peak acceleration: what one more level of extrapolation may still change; what is left is less
 LEVELS = 6  # parts an interval may be cut into
 ROUNDS = 30  # of Newton
-SETTLED = 1e-9  # last step of Newton, of the largest unknown in sizes; it converges quadratically
+NEWTON_STEP_REL = (
+    1e-9  # last step of Newton, of the largest unknown in sizes; it converges quadratically
+)
 SHORTEST_STEP = 1e-4  # share of a Newton step
 MOST_WORK = 3e6  # nodes x states^2 over all steps of Newton: 0.4 us each
 
@@ -103,7 +105,7 @@ def _newton(
             residual = _residual(asked, t_s, moved)
             if (
                 asked.linear
-                or step <= SETTLED
+                or step <= NEWTON_STEP_REL
                 or np.linalg.norm(residual) <= (1.0 - share / 4.0) * norm
             ):
                 break
@@ -111,7 +113,7 @@ def _newton(
             if share < SHORTEST_STEP:
                 raise _stuck(asked, step)
         z = moved
-        if asked.linear or step <= SETTLED:
+        if asked.linear or step <= NEWTON_STEP_REL:
             return z * size
     raise _stuck(asked, step)
 
@@ -119,7 +121,7 @@ def _newton(
 def _stuck(asked: Conditions, step: float) -> NotConverged:
     return NotConverged(
         f"finite_differences: Newton's step is still {step:.3g} of the solution in time_s = {asked.time_s}; must fall to "
-        f"{SETTLED:g}: {asked.way_out}"
+        f"{NEWTON_STEP_REL:g}: {asked.way_out}"
     )
 
 

@@ -26,7 +26,7 @@ STEP = 1e-4  # relative change of a parameter to see which modes it moves
 class Pairs(NamedTuple):
     """What the products of two impulse responses share, for their integrals."""
 
-    rates_1_s: ComplexArray  # (m, m) rate_i + conj rate_j of the m distinct rates
+    eigenvalues_1_s: ComplexArray  # (m, m) rate_i + conj rate_j of the m distinct rates
     first: NDArray[np.intp]  # (n, 1) which distinct rate a row has
     second: NDArray[np.intp]  # (n,) the same along columns
     powers: NDArray[np.intp]  # (n, n)
@@ -38,7 +38,7 @@ class Spectrum(NamedTuple):
     So xi answers a unit impulse of u with s^power exp(rate s).
     """
 
-    rates_1_s: ComplexArray  # (n,) closed under conjugation
+    eigenvalues_1_s: ComplexArray  # (n,) closed under conjugation
     powers: NDArray[np.intp]  # (n,) 0 or 1
     drivers: NDArray[np.intp]  # (n,) index of the power 0 with the same rate
     partners: NDArray[np.intp]  # (n,) index of the complex conjugate, or its own
@@ -142,7 +142,9 @@ def _sensitivities(p: Problem, state: FloatArray, count: int) -> FloatArray:
     for k in _moved_modes(p.model, cart, p.robust):
         high, low = _around(p.model, cart, p.robust[0])
         z = complex(
-            (high.filters[k] - low.filters[k]) @ swing / (high.rates_1_s[k] - low.rates_1_s[k])
+            (high.left_eigenvectors[k] - low.left_eigenvectors[k])
+            @ swing
+            / (high.eigenvalues_1_s[k] - low.eigenvalues_1_s[k])
         )
         more += [z.real, z.imag]
     return np.array(more)
@@ -160,7 +162,7 @@ def _system(model: Model, input: str, lag_s: float, robust: tuple[str, ...]) -> 
     a[:n, :n] = space.a
     swing = slice(2, 2 + 2 * model.links_count)
     for i, k in enumerate(moved):  # z' = rate z + q: how the mode answers a shift of its rate
-        rate, row, z = modes.rates_1_s[k], modes.filters[k], n + 2 * i
+        rate, row, z = modes.eigenvalues_1_s[k], modes.left_eigenvectors[k], n + 2 * i
         a[z : z + 2, z : z + 2] = [[rate.real, -rate.imag], [rate.imag, rate.real]]
         a[z, swing], a[z + 1, swing] = row.real, row.imag
     names = tuple(
@@ -198,20 +200,20 @@ def _spectrum(
         rows[0, swing.start + model.links_count : swing.stop] = e.coupling_kg_m
         rows[1, swing.start : swing.start + model.links_count] = e.coupling_kg_m
     at = {}
-    for k, rate in enumerate(modes.rates_1_s.tolist()):
+    for k, rate in enumerate(modes.eigenvalues_1_s.tolist()):
         at[k] = len(rates)
-        rows[at[k], swing] = whole * (1.0 + rate * lag) * modes.filters[k]
+        rows[at[k], swing] = whole * (1.0 + rate * lag) * modes.left_eigenvectors[k]
         if jerk:
             rows[at[k], n - 1] = lag
         rates, powers, drivers = [*rates, rate], [*powers, 0], [*drivers, at[k]]
     for i, k in enumerate(moved):
         for mode, sign in ((k, 1j), (k + 1, -1j)):
-            row, rate, z = len(rates), complex(modes.rates_1_s[mode]), n + 2 * i
+            row, rate, z = len(rates), complex(modes.eigenvalues_1_s[mode]), n + 2 * i
             rows[row, z], rows[row, z + 1] = (
                 whole * (1.0 + rate * lag),
                 whole * (1.0 + rate * lag) * sign,
             )
-            rows[row, swing] = lag * modes.filters[mode]
+            rows[row, swing] = lag * modes.left_eigenvectors[mode]
             rates, powers, drivers = [*rates, rate], [*powers, 1], [*drivers, at[mode]]
     if jerk:
         rows[len(rates), n - 1] = lag
@@ -237,8 +239,8 @@ def _sorted_out(
 
 
 def _check_reach(modes: Modes, filter_1_s: float | None) -> None:
-    kept = np.flatnonzero(modes.rates_1_s.imag >= 0.0)
-    rates = modes.rates_1_s[kept]
+    kept = np.flatnonzero(modes.eigenvalues_1_s.imag >= 0.0)
+    rates = modes.eigenvalues_1_s[kept]
     for k, gain in enumerate(modes.gains[kept].tolist()):
         near = np.flatnonzero(np.abs(rates - rates[k]) <= COINCIDING * abs(rates[k]))
         if len(near) > 1:
@@ -261,10 +263,10 @@ def _check_reach(modes: Modes, filter_1_s: float | None) -> None:
 def _moved_modes(model: Model, cart: Cart, robust: tuple[str, ...]) -> tuple[int, ...]:
     """Indices (upper half plane) of the modes whose rate any of the parameters shifts."""
     modes, moved = model.modes(cart), set[int]()
-    upper = np.flatnonzero(modes.rates_1_s.imag >= 0.0)
+    upper = np.flatnonzero(modes.eigenvalues_1_s.imag >= 0.0)
     for name in robust:
         value = model.parameters[name]
-        high, low = (other.rates_1_s[upper] for other in _around(model, cart, name))
+        high, low = (other.eigenvalues_1_s[upper] for other in _around(model, cart, name))
         shift = np.abs(high - low) / np.abs(high) / (2 * STEP)
         if not np.any(shift > MOVED):
             raise PlanError(
@@ -273,9 +275,9 @@ def _moved_modes(model: Model, cart: Cart, robust: tuple[str, ...]) -> tuple[int
             )
         moved |= set(upper[shift > MOVED].tolist())
     for k in moved:
-        if modes.rates_1_s[k].imag == 0.0:
+        if modes.eigenvalues_1_s[k].imag == 0.0:
             raise PlanError(
-                f"robust = {robust} shifts an overdamped mode (rate {modes.rates_1_s[k].real:.4g} 1/s); all it shifts "
+                f"robust = {robust} shifts an overdamped mode (rate {modes.eigenvalues_1_s[k].real:.4g} 1/s); all it shifts "
                 "must swing: damp the joints less, or leave it out"
             )
     return tuple(sorted(moved))

@@ -15,10 +15,10 @@ from planners.replay import replay
 from planners.trajectories.pieces import ExpPolynomial, FloatArray
 from planners.trajectories.trajectory import Trajectory
 
-FEWEST = 200  # intervals of a move, the source's number
+MIN_INTERVALS = 200  # intervals of a move, the source's number
 MOST = 20_000
 RADIANS = 0.1  # of a mode's phase or decay in an interval: a quintic leaves 0.1^4/1920 = 5e-8 of its acceleration
-ROUNDING = 1e-9
+NODE_ROUNDING_REL = 1e-9
 FASTEST = 1e8  # time constants of the fastest mode in a move: its intervals must survive rounding
 TINY_RAD = 1e-300  # a denormal swing has no digits left to meet END_SWING
 END_SWING = (
@@ -68,21 +68,21 @@ def graded_grid(conditions: Conditions) -> FloatArray:
         if conditions.linear
         else "weigh the states less, or give the move less time"
     )
-    fastest = float(np.abs(conditions.rates_1_s).max()) * conditions.time_s
+    fastest = float(np.abs(conditions.eigenvalues_1_s).max()) * conditions.time_s
     if not fastest <= FASTEST:
         raise PlanError(
             f"time_s = {conditions.time_s} is {fastest:.3g} time constants of the fastest motion that model, state_weights "
             f"and input_weight make; must be <= {FASTEST:g} for a numerical solver: {out}"
         )
-    rates = conditions.rates_1_s[
-        np.abs(conditions.rates_1_s) * conditions.time_s > FEWEST * RADIANS
+    rates = conditions.eigenvalues_1_s[
+        np.abs(conditions.eigenvalues_1_s) * conditions.time_s > MIN_INTERVALS * RADIANS
     ]
     fast = sorted(
         {(float(abs(rate.real)) / 4.0, float(abs(rate)) / RADIANS) for rate in rates.tolist()}
     )
     middle, t = conditions.time_s / 2.0, [0.0]
-    while t[-1] < middle * (1.0 - ROUNDING):
-        density = FEWEST / conditions.time_s
+    while t[-1] < middle * (1.0 - NODE_ROUNDING_REL):
+        density = MIN_INTERVALS / conditions.time_s
         for decay, most in fast:
             density = max(density, most * math.exp(-decay * t[-1]))
         t.append(t[-1] + 1.0 / density)
@@ -127,19 +127,21 @@ def checked_trajectory(
     model, n = problem.model, problem.model.links_count
     start, goal = solved.start[: 2 + 2 * n], solved.goal[: 2 + 2 * n]
     modes, left_s, pushes = model.modes(), *_pushes(trajectory)
-    possible = float(np.abs(pushes).sum() + np.abs(modes.filters @ start[2:]).max())
-    bound = END_SWING * float(np.max(np.abs(modes.shapes[:n]).sum(axis=1))) * possible + TINY_RAD
+    possible = float(np.abs(pushes).sum() + np.abs(modes.left_eigenvectors @ start[2:]).max())
+    bound = (
+        END_SWING * float(np.max(np.abs(modes.mode_shapes[:n]).sum(axis=1))) * possible + TINY_RAD
+    )
     if problem.nonlinear:
         speeds = {"speed_before_m_s": float(start[1]), "speed_after_m_s": float(goal[1])}
         swing = replay(model, trajectory, angles_rad=start[2:3], rates_rad_s=start[3:4], **speeds)
         end = np.concatenate([swing.angle_rad[-1], swing.angular_velocity_rad_s[-1]])
     else:
-        rates = modes.rates_1_s
+        rates = modes.eigenvalues_1_s
         q = (
-            np.exp(rates * solved.time_s) * (modes.filters @ start[2:])
+            np.exp(rates * solved.time_s) * (modes.left_eigenvectors @ start[2:])
             + np.exp(np.outer(rates, left_s)) @ pushes
         )
-        end = (modes.shapes @ q).real
+        end = (modes.mode_shapes @ q).real
     missed = model.amplitude_rad(*np.split(end - goal[2:], 2))
     if not missed <= bound:
         raise NotConverged(

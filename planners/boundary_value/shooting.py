@@ -20,7 +20,7 @@ AIM = 1e-10  # of the end state, in sizes
 MISS = 1e-8  # what the integration's own error may leave of it
 AMPLIFIED = 1e8  # times rounding, 2e-16 of a size, is still a good end
 ROUNDS = 10  # of Newton
-LOST = 100.0  # sizes: a shot at the true pendulum that gets there has missed
+DIVERGED_SCALES = 100.0  # sizes: a shot at the true pendulum that gets there has missed
 SHORTEST_STEP = 0.2  # share of a Newton step: shorter ones only crawl
 MOST_WORK = 6e4  # evaluations of the slope over all shots, 14 us each; the source's tables take 5e3
 TRUE = 4.0  # times dearer is the true pendulum's
@@ -51,7 +51,7 @@ def plan_shooting(problem: Problem) -> Trajectory:
 
 
 def _check_growth(asked: Conditions) -> None:
-    exponent = float(np.abs(asked.rates_1_s.real).max()) * asked.time_s
+    exponent = float(np.abs(asked.eigenvalues_1_s.real).max()) * asked.time_s
     if exponent > math.log(AMPLIFIED):
         raise NotConverged(
             f"shooting amplifies rounding exp({exponent:.4g}) times in time_s = {asked.time_s}; must be <= {AMPLIFIED:g}, or "
@@ -110,7 +110,7 @@ def _shot(asked: Conditions, begin: FloatArray, work: Budget) -> tuple[FloatArra
         ).ravel()
 
     def lost(_: float, flat: FloatArray) -> float:
-        return LOST - float(np.abs(flat[: n * (n + 1) : n + 1]).max())
+        return DIVERGED_SCALES - float(np.abs(flat[: n * (n + 1) : n + 1]).max())
 
     lost.terminal = True  # type: ignore[attr-defined]
     first = np.column_stack([begin, np.eye(2 * n)[:, n:]]).ravel()

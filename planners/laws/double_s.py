@@ -12,7 +12,7 @@ from planners.laws.rect_cascade import RectCascade
 from planners.laws.segments import integrated
 from planners.trajectories.trajectory import Trajectory
 
-ROUNDING = 1e-12  # a share of a bound that a number may miss it by
+BOUND_ROUNDING_REL = 1e-12  # a share of a bound that a number may miss it by
 
 
 def double_s(duration_s: float, alpha: float = 1 / 3, beta: float = 1 / 2) -> Trajectory:
@@ -35,7 +35,7 @@ def double_s_by_ramp(
     """
     bounds.duration(duration_s)
     for name, value, whole in (("ramp_s", ramp_s, duration_s), ("jerk_s", jerk_s, ramp_s)):
-        if not 0.0 < value <= whole / 2 * (1.0 + ROUNDING):
+        if not 0.0 < value <= whole / 2 * (1.0 + BOUND_ROUNDING_REL):
             raise PlanError(
                 f"{name} = {value} in {whole} s; must be > 0 and <= {whole / 2:.9g}, as it is needed twice: shorten it"
             )
@@ -133,7 +133,7 @@ def double_s_within(
 
     least = max(start, end)
     spare = ramps(least)[2]
-    if spare < -ROUNDING * h:
+    if spare < -BOUND_ROUNDING_REL * h:
         raise Infeasible(
             f"distance_m = {distance_m} for a change of speed from {start_speed_m_s} to {end_speed_m_s} m/s; its size must be "
             f">= {h - spare:.9g}: lengthen the move, or bring the speeds together"

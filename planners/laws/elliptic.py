@@ -16,7 +16,7 @@ from planners.trajectories.trajectory import Trajectory
 if TYPE_CHECKING:
     from numpy.polynomial import Polynomial
 
-HIGHEST_ORDER = 8
+MAX_DERIVATIVE_ORDER = 8
 LONGEST_AXIS = 12.0  # up to it speed to snap can be analysed; a longer one is too steep in the middle for its rounding
 
 
@@ -34,14 +34,14 @@ def elliptic(duration_s: float, axis_ratio: float = 1.2) -> Trajectory:
     )
     alpha = 1.0 - 1.0 / axis_ratio**2
     cosine = _Term(Polynomial([1.0]), True, 0.5)
-    terms = list(accumulate(repeat(alpha, HIGHEST_ORDER), _Term.slope, initial=cosine))
+    terms = list(accumulate(repeat(alpha, MAX_DERIVATIVE_ORDER), _Term.slope, initial=cosine))
     rate_1_s = math.pi / duration_s
 
     def position(t: FloatArray, order: int) -> FloatArray:
         wave = -0.5 * rate_1_s**order * terms[order].at(rate_1_s * t, alpha)
         return wave + 0.5 if order == 0 else wave
 
-    return Trajectory((Smooth(duration_s, position, HIGHEST_ORDER),))
+    return Trajectory((Smooth(duration_s, position, MAX_DERIVATIVE_ORDER),))
 
 
 class _Term(NamedTuple):

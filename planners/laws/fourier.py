@@ -8,10 +8,10 @@ from types import MappingProxyType
 
 from planners import bounds
 from planners.errors import PlanError
-from planners.trajectories.pieces import ExpPolynomial, Mode
+from planners.trajectories.pieces import ExpPolynomial, ModalTerm
 from planners.trajectories.trajectory import Trajectory
 
-ROUNDING = 1e-12
+SHARE_SUM_TOLERANCE = 1e-12
 GUTMAN_1_3 = MappingProxyType({1: 15 / 16, 3: 1 / 16})
 FREUDENSTEIN_1_3 = MappingProxyType({1: 27 / 28, 3: 1 / 28})
 FREUDENSTEIN_1_3_5 = MappingProxyType({1: 1125 / 1192, 3: 1125 / 1192 / 18, 5: 1125 / 1192 / 250})
@@ -24,14 +24,14 @@ def fourier(duration_s: float, shares: Mapping[int, float]) -> Trajectory:
     """
     bounds.duration(duration_s)
     total = math.fsum(shares.values())
-    if not abs(total - 1.0) <= ROUNDING or min(shares) < 1:
+    if not abs(total - 1.0) <= SHARE_SUM_TOLERANCE or min(shares) < 1:
         raise PlanError(
             f"shares = {dict(shares)} sum to {total:.9g}; must sum to 1, over harmonics >= 1, or the ends do not rest: "
             "divide them by their sum"
         )
     turn = 2.0 * math.pi
     modes = tuple(
-        Mode(1j * turn * n / duration_s, (1j * c / (turn * n),)) for n, c in shares.items()
+        ModalTerm(1j * turn * n / duration_s, (1j * c / (turn * n),)) for n, c in shares.items()
     )
     return Trajectory((ExpPolynomial(duration_s, (0.0, 1.0 / duration_s), modes),))
 

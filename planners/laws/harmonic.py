@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from planners import bounds
-from planners.trajectories.pieces import ExpPolynomial, Mode
+from planners.trajectories.pieces import ExpPolynomial, ModalTerm
 from planners.trajectories.trajectory import Trajectory
 
 
@@ -16,5 +16,5 @@ def harmonic(duration_s: float) -> Trajectory:
     """
     bounds.duration(duration_s)
     return Trajectory(
-        (ExpPolynomial(duration_s, (0.5,), (Mode(1j * math.pi / duration_s, (-0.5 + 0j,)),)),)
+        (ExpPolynomial(duration_s, (0.5,), (ModalTerm(1j * math.pi / duration_s, (-0.5 + 0j,)),)),)
     )

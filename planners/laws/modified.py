@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from planners import bounds
-from planners.trajectories.pieces import ExpPolynomial, Mode
+from planners.trajectories.pieces import ExpPolynomial, ModalTerm
 from planners.trajectories.trajectory import Trajectory
 
 
-class Stretch(NamedTuple):
+class LawSegment(NamedTuple):
     """Part of a law in normalised time x: acceleration constant + size cos(rate x + phase), x from the stretch's start."""
 
     share: float  # of the duration
@@ -24,7 +24,7 @@ class Stretch(NamedTuple):
         """The acceleration as a piece [1/s^2]."""
         scale = duration_s**-2
         wave = complex(math.cos(self.phase), math.sin(self.phase)) * self.size * scale
-        modes = (Mode(1j * self.rate / duration_s, (wave,)),) if self.size else ()
+        modes = (ModalTerm(1j * self.rate / duration_s, (wave,)),) if self.size else ()
         return ExpPolynomial(self.share * duration_s, (self.constant * scale,), modes)
 
 
@@ -37,10 +37,12 @@ def modified_trapezoidal(duration_s: float) -> Trajectory:
     Peak acceleration 8 pi / (2 + pi) over [1/8, 3/8].
     """
     ca, rate = 8.0 * math.pi / (2.0 + math.pi), 4.0 * math.pi
-    ends = Stretch(1 / 8, size=ca, rate=rate, phase=RISE)
-    across = Stretch(1 / 4, size=ca, rate=rate)
-    last = Stretch(1 / 8, size=ca, rate=rate, phase=math.pi)
-    return _integrated((ends, Stretch(1 / 4, ca), across, Stretch(1 / 4, -ca), last), duration_s)
+    ends = LawSegment(1 / 8, size=ca, rate=rate, phase=RISE)
+    across = LawSegment(1 / 4, size=ca, rate=rate)
+    last = LawSegment(1 / 8, size=ca, rate=rate, phase=math.pi)
+    return _integrated(
+        (ends, LawSegment(1 / 4, ca), across, LawSegment(1 / 4, -ca), last), duration_s
+    )
 
 
 def modified_sine(duration_s: float) -> Trajectory:
@@ -49,12 +51,12 @@ def modified_sine(duration_s: float) -> Trajectory:
     Peak acceleration 4 pi^2 / (4 + pi) at 1/8.
     """
     ca, fast = 4.0 * math.pi**2 / (4.0 + math.pi), 4.0 * math.pi
-    first = Stretch(1 / 8, size=ca, rate=fast, phase=RISE)
-    last = Stretch(1 / 8, size=ca, rate=fast, phase=math.pi)
-    return _integrated((first, Stretch(3 / 4, size=ca, rate=fast / 3.0), last), duration_s)
+    first = LawSegment(1 / 8, size=ca, rate=fast, phase=RISE)
+    last = LawSegment(1 / 8, size=ca, rate=fast, phase=math.pi)
+    return _integrated((first, LawSegment(3 / 4, size=ca, rate=fast / 3.0), last), duration_s)
 
 
-def _integrated(stretches: Sequence[Stretch], duration_s: float) -> Trajectory:
+def _integrated(stretches: Sequence[LawSegment], duration_s: float) -> Trajectory:
     """From rest at 0."""
     bounds.duration(duration_s)
     position, speed, pieces = 0.0, 0.0, []

@@ -9,7 +9,7 @@ from planners.errors import Infeasible, PlanError
 from planners.laws.rect_cascade import RectCascade
 from planners.trajectories.trajectory import Trajectory
 
-ROUNDING = 1e-12  # a share of a bound that a number may miss it by
+BOUND_ROUNDING_REL = 1e-12  # a share of a bound that a number may miss it by
 
 
 def trapezoidal(duration_s: float, alpha: float = 1 / 3) -> Trajectory:
@@ -41,7 +41,7 @@ def trapezoidal_within(
 def trapezoidal_by_ramp(distance_m: float, duration_s: float, ramp_s: float) -> RectCascade:
     """Given T and Ta: speed h / (T - Ta). Raises PlanError unless 0 < ramp_s <= duration_s / 2."""
     bounds.duration(duration_s)
-    if not 0.0 < ramp_s <= duration_s / 2 * (1.0 + ROUNDING):
+    if not 0.0 < ramp_s <= duration_s / 2 * (1.0 + BOUND_ROUNDING_REL):
         raise PlanError(
             f"ramp_s = {ramp_s} in {duration_s} s; must be > 0 and <= {duration_s / 2:.9g}, half the time: shorten it"
         )
@@ -55,7 +55,7 @@ def trapezoidal_by_acceleration(
     bounds.duration(duration_s)
     a, h = bounds.limit("acceleration_m_s2", acceleration_m_s2), abs(bounds.distance(distance_m))
     least = 4.0 * h / duration_s**2
-    if not least * (1.0 - ROUNDING) <= a < math.inf:
+    if not least * (1.0 - BOUND_ROUNDING_REL) <= a < math.inf:
         raise Infeasible(
             f"acceleration_m_s2 = {a} over {h} m in {duration_s} s; must be finite and >= {least:.9g}: lengthen the move",
             minimum_time_s=2.0 * math.sqrt(h / a),
@@ -74,7 +74,7 @@ def trapezoidal_by_speed(distance_m: float, duration_s: float, speed_m_s: float)
     mean = h / duration_s
     if not h:
         return RectCascade(distance_m, (duration_s / 2.0, duration_s / 2.0))
-    if not mean < v <= 2.0 * mean * (1.0 + ROUNDING):
+    if not mean < v <= 2.0 * mean * (1.0 + BOUND_ROUNDING_REL):
         raise Infeasible(
             f"speed_m_s = {v} over {h} m in {duration_s} s; must be > {mean:.9g} and <= {2.0 * mean:.9g}: change time or speed",
             minimum_time_s=h / v,

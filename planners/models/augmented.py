@@ -18,7 +18,9 @@ STENCILS = (  # of order 4: steps from the value, weights of the first derivativ
 )
 STEPS = tuple(10.0**-k for k in range(1, 13))  # the largest that hardly moves the matrices is taken
 HARDLY = 8e-3  # of the largest entry, from end to end of the stencil
-NOTHING = 1e-11  # of the largest entry: a parameter that moves no more within a step moves nothing
+NO_EFFECT_REL = (
+    1e-11  # of the largest entry: a parameter that moves no more within a step moves nothing
+)
 TIED = 1e-11  # least singular value of the scaled matrix of the rank test; what is tied leaves 1e-15, five odd links 5e-9
 SAME_RATE = 1e-3  # eigenvalues of a Jordan block scatter by less, of the fastest
 
@@ -111,7 +113,7 @@ def _slope(model: Model, input: str, name: str) -> FloatArray:
         raise PlanError(
             f"{name} = {model.parameters[name]}; the model must be smooth there: take it from the edge of its range"
         )
-    if np.abs(change).max() <= NOTHING * largest:
+    if np.abs(change).max() <= NO_EFFECT_REL * largest:
         raise PlanError(
             f"parameter = {name!r} moves nothing under input = {input!r}; must be one the motion depends on: leave it out"
         )

@@ -91,25 +91,25 @@ class Modes(NamedTuple):
     Oscillating modes come first, as conjugate pairs, slowest first; s is the acceleration that drives them.
     """
 
-    rates_1_s: ComplexArray  # (2n,) eigenvalues
-    filters: ComplexArray  # (2n, 2n)
-    shapes: ComplexArray  # (2n, 2n)
+    eigenvalues_1_s: ComplexArray  # (2n,) eigenvalues
+    left_eigenvectors: ComplexArray  # (2n, 2n)
+    mode_shapes: ComplexArray  # (2n, 2n)
     gains: FloatArray  # (2n,) how well s reaches each mode: cosine of the angle to its left eigenvector
 
     @property
     def upper(self) -> NDArray[np.intp]:
         """One index for each oscillating mode: (m,), the eigenvalue in the upper half plane."""
-        return np.flatnonzero(self.rates_1_s.imag > 0.0)
+        return np.flatnonzero(self.eigenvalues_1_s.imag > 0.0)
 
     @property
     def natural_frequencies_hz(self) -> FloatArray:
         """Undamped frequencies of the oscillating modes: (m,)."""
-        return np.asarray(np.abs(self.rates_1_s[self.upper]) / (2.0 * math.pi))
+        return np.asarray(np.abs(self.eigenvalues_1_s[self.upper]) / (2.0 * math.pi))
 
     @property
     def damping_ratios(self) -> FloatArray:
         """Of the oscillating modes: (m,)."""
-        rates = self.rates_1_s[self.upper]
+        rates = self.eigenvalues_1_s[self.upper]
         return np.asarray(0.0 - rates.real / np.abs(rates))
 
 
@@ -143,12 +143,12 @@ class Model(ABC):
     def swing_rates_1_s(self) -> tuple[complex, ...]:
         """Eigenvalues -zeta w + j w sqrt(1 - zeta^2) under a driven platform, slowest first."""
         modes = self.modes()
-        return tuple(modes.rates_1_s[modes.upper].tolist())
+        return tuple(modes.eigenvalues_1_s[modes.upper].tolist())
 
     @property
     def natural_frequency_rad_s(self) -> float:
         """Undamped, of the slowest mode under a driven platform."""
-        return float(np.abs(self.modes().rates_1_s).min())
+        return float(np.abs(self.modes().eigenvalues_1_s).min())
 
     def amplitude_rad(self, angles_rad: FloatArray, rates_rad_s: FloatArray) -> float:
         """Largest angle of any link that free small swings from here can reach, were they not damped: angles and rates (n,).
@@ -156,8 +156,10 @@ class Model(ABC):
         For one link sqrt(theta^2 + (theta'/w)^2); for several the sum over modes, which they meet when in phase.
         """
         modes, n = _modes(self, "driven", False), self.links_count
-        q = modes.filters @ np.concatenate([np.atleast_1d(angles_rad), np.atleast_1d(rates_rad_s)])
-        return float(np.max(np.abs(modes.shapes[:n]) @ np.abs(q)))
+        q = modes.left_eigenvectors @ np.concatenate(
+            [np.atleast_1d(angles_rad), np.atleast_1d(rates_rad_s)]
+        )
+        return float(np.max(np.abs(modes.mode_shapes[:n]) @ np.abs(q)))
 
     def state_space(
         self,

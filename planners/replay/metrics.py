@@ -53,9 +53,13 @@ def swing_after(
     """
     modes, n, end = model.modes(), model.links_count, trajectory.duration_s
     start = np.concatenate([np.broadcast_to(angles_rad, n), np.broadcast_to(rates_rad_s, n)])
-    mu, speed = modes.rates_1_s, np.zeros_like(modes.rates_1_s)
+    mu, speed = modes.eigenvalues_1_s, np.zeros_like(modes.eigenvalues_1_s)
     for stop, piece in zip(trajectory.breaks_s[1:].tolist(), trajectory.pieces, strict=True):
         speed += np.exp(mu * (end - stop)) * exponential_integral(piece, 1, mu)
-    q = np.exp(mu * end) * (modes.filters @ start - speed_before_m_s) + speed_after_m_s + mu * speed
-    swing = (modes.shapes @ q).real
+    q = (
+        np.exp(mu * end) * (modes.left_eigenvectors @ start - speed_before_m_s)
+        + speed_after_m_s
+        + mu * speed
+    )
+    swing = (modes.mode_shapes @ q).real
     return swing[:n], swing[n:]

@@ -9,7 +9,7 @@ import numpy as np
 
 from planners.errors import PlanError
 from planners.models.model import Equations
-from planners.replay.swing import Stretch
+from planners.replay.swing import ReplaySegment
 from planners.trajectories.cells import resolve
 from planners.trajectories.pieces import FloatArray, Piece, Smooth
 from planners.trajectories.trajectory import Trajectory
@@ -23,7 +23,7 @@ SPEED_ERROR = 1e-10  # of the speed over the length, in radians a piece, by Simp
 
 def play_one_link(
     equations: Equations, trajectory: Trajectory, angles: FloatArray, momenta: FloatArray
-) -> Iterator[Stretch]:
+) -> Iterator[ReplaySegment]:
     """Plain floats: ten times faster than arrays of one."""
     link, inertia = _Link(equations), float(equations.mass_kg_m2[0, 0])
     theta, p = float(angles[0]), float(momenta[0]) / inertia
@@ -43,7 +43,7 @@ def play_one_link(
                 ) from None
             path.append((theta, p))
         states = np.array(path)
-        yield Stretch(start + t[::2], states[:, :1], inertia * states[:, 1:], v[::2])
+        yield ReplaySegment(start + t[::2], states[:, :1], inertia * states[:, 1:], v[::2])
 
 
 class _Link:

@@ -11,21 +11,21 @@ import numpy as np
 
 from planners.errors import PlanError
 from planners.models.model import Equations
-from planners.replay.swing import Stretch
+from planners.replay.swing import ReplaySegment
 from planners.trajectories.cells import resolve
 from planners.trajectories.pieces import FloatArray, Piece, Smooth
 from planners.trajectories.trajectory import Trajectory
 
-NODES = 12  # of Gauss on a span, exact to degree 23
+GAUSS_NODES = 12  # of Gauss on a span, exact to degree 23
 FEW_NODES, SHORT_SPANS = 6, 8  # where so many spans share a step, each needs fewer
 RADIANS_PER_STEP = 1.5  # of the load's fastest mode
-POINTS = 24  # kept of a step
+KEPT_STEP_POINTS = 24  # kept of a step
 RESOLVED = (
     1e-7  # what the last two terms of the rates' series may add to an angle [rad] or be left out
 )
 ROUNDS = 24  # a step that does not settle in so many is halved; 12 to 15 are usual
-SETTLED = 1e-13  # change in the last round, in radians or of the state itself
-SHORTEST = 1e-4  # of a usual step; a load that asks for less spins out of any laboratory
+ROUND_CHANGE_TOLERANCE = 1e-13  # change in the last round, in radians or of the state itself
+MIN_STEP_REL = 1e-4  # of a usual step; a load that asks for less spins out of any laboratory
 
 
 class _Span(NamedTuple):
@@ -39,7 +39,7 @@ class _Span(NamedTuple):
 
 def play_several_links(
     equations: Equations, trajectory: Trajectory, angles: FloatArray, momenta: FloatArray
-) -> Iterator[Stretch]:
+) -> Iterator[ReplaySegment]:
     step_s = RADIANS_PER_STEP / float(np.abs(np.linalg.eigvals(equations.swing()[0])).max())
     x = np.concatenate([angles, momenta])
     for step in _steps(trajectory, step_s):
@@ -49,7 +49,7 @@ def play_several_links(
             with np.errstate(over="ignore", invalid="ignore"):  # of an iteration that runs away
                 stretch = _collocate(equations, spans, x)
             if stretch is None:
-                waiting.extend(reversed(_halves(spans, SHORTEST * step_s)))
+                waiting.extend(reversed(_halves(spans, MIN_STEP_REL * step_s)))
                 continue
             yield stretch
             x = np.concatenate([stretch.angles[-1], stretch.momenta[-1]])
@@ -87,9 +87,9 @@ def _halves(spans: list[_Span], shortest_s: float) -> tuple[list[_Span], list[_S
     return [span._replace(duration_s=h)], [span._replace(begin_s=span.begin_s + h, duration_s=h)]
 
 
-def _collocate(equations: Equations, spans: list[_Span], x: FloatArray) -> Stretch | None:
+def _collocate(equations: Equations, spans: list[_Span], x: FloatArray) -> ReplaySegment | None:
     """One step from x = [angles, momenta], by fixed-point iteration at all nodes at once; None when it is too long."""
-    n, count = x.size // 2, FEW_NODES if len(spans) >= SHORT_SPANS else NODES
+    n, count = x.size // 2, FEW_NODES if len(spans) >= SHORT_SPANS else GAUSS_NODES
     places, to_nodes, to_points, to_tail = _gauss(count)
     h = np.array([span.duration_s for span in spans])[:, None, None]
     v = np.array([span.piece.at(span.begin_s + span.duration_s * places, 1) for span in spans])
@@ -106,7 +106,9 @@ def _collocate(equations: Equations, spans: list[_Span], x: FloatArray) -> Stret
         before, nodes = nodes, starts + h * (to_nodes @ rates)
         if not np.isfinite(nodes).all():
             return None
-        if np.all(np.abs(nodes - before) <= SETTLED * np.maximum(unit, np.abs(nodes))):
+        if np.all(
+            np.abs(nodes - before) <= ROUND_CHANGE_TOLERANCE * np.maximum(unit, np.abs(nodes))
+        ):
             if np.abs(h * (to_tail @ rates[..., :n])).max() > RESOLVED:
                 return None
             path = (starts + h * (to_points @ rates)).reshape(-1, 2 * n)
@@ -114,7 +116,9 @@ def _collocate(equations: Equations, spans: list[_Span], x: FloatArray) -> Stret
                 span.piece_start_s + span.begin_s + span.duration_s * places[count:]
                 for span in spans
             ]
-            return Stretch(np.concatenate(times), path[:, :n], path[:, n:], v[:, count:].ravel())
+            return ReplaySegment(
+                np.concatenate(times), path[:, :n], path[:, n:], v[:, count:].ravel()
+            )
     return None
 
 
@@ -144,7 +148,7 @@ def _gauss(nodes: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     x, w = leggauss(nodes)
     to_series = (w[:, None] * legvander(x, nodes - 1) * (np.arange(nodes) + 0.5)).T
     to_integral = legint(to_series, lbnd=-1) / 2.0
-    points = np.linspace(-1.0, 1.0, 1 + POINTS)
+    points = np.linspace(-1.0, 1.0, 1 + KEPT_STEP_POINTS)
     to_points = legvander(points, nodes) @ to_integral
     return (
         (np.concatenate([x, points]) + 1.0) / 2.0,

@@ -32,7 +32,7 @@ class Swing(NamedTuple):
         return float(max(np.abs(between).max(), np.abs(self.angle_rad).max()))
 
 
-class Stretch(NamedTuple):
+class ReplaySegment(NamedTuple):
     """Part of a replay, from its first instant to its last."""
 
     t_s: FloatArray  # (N,)

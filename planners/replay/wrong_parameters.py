@@ -86,10 +86,10 @@ def residual_peaks(
     t = np.linspace(
         0.0,
         window_s,
-        2 + math.ceil(SAMPLES_PER_RADIAN * window_s * float(np.abs(modes.rates_1_s).max())),
+        2 + math.ceil(SAMPLES_PER_RADIAN * window_s * float(np.abs(modes.eigenvalues_1_s).max())),
     )
     peaks = np.empty((len(loads), n))
-    for k, (rates, shapes) in enumerate(zip(modes.rates_1_s, modes.shapes, strict=True)):
+    for k, (rates, shapes) in enumerate(zip(modes.eigenvalues_1_s, modes.mode_shapes, strict=True)):
         waves = q[k, :, None] * np.exp(np.outer(rates, t))  # (2n, samples)
         angle, slope, bend = ((shapes[:n] * rates**order @ waves).real for order in range(3))
         peaks[k] = _highest(t, angle, slope, bend)
@@ -117,7 +117,7 @@ def _load(model: Model, parameter: str, value: float) -> Model:
 
 
 def _check_phase(load: Model, time_s: float) -> None:
-    phase = time_s * float(np.abs(load.modes().rates_1_s).max())
+    phase = time_s * float(np.abs(load.modes().eigenvalues_1_s).max())
     if phase > LONGEST_RAD:
         raise PlanError(
             f"a mode of {load} passes {phase:.3g} rad in {time_s:g} s; must be <= {LONGEST_RAD:g}: leave it out"
@@ -126,7 +126,7 @@ def _check_phase(load: Model, time_s: float) -> None:
 
 def _swings_after(loads: Sequence[Model], trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
     modes = _Modal.of(loads)
-    states = np.einsum("kij,kj->ki", modes.shapes, modes.after(trajectory)).real
+    states = np.einsum("kij,kj->ki", modes.mode_shapes, modes.after(trajectory)).real
     n = loads[0].links_count
     return states[:, :n], states[:, n:]
 
@@ -134,8 +134,8 @@ def _swings_after(loads: Sequence[Model], trajectory: Trajectory) -> tuple[Float
 class _Modal(NamedTuple):
     """Small swings of N loads, each in modes of its own: q' = rates q + reached a."""
 
-    rates_1_s: ComplexArray  # (N, 2n)
-    shapes: ComplexArray  # (N, 2n, 2n)
+    eigenvalues_1_s: ComplexArray  # (N, 2n)
+    mode_shapes: ComplexArray  # (N, 2n, 2n)
     reached: FloatArray  # (N, 2n) 1, or 0 for a mode the platform cannot move
 
     @classmethod
@@ -143,16 +143,18 @@ class _Modal(NamedTuple):
         modes = [load.modes() for load in loads]
         reached = np.array([m.gains > 0.0 for m in modes], dtype=np.float64)
         return cls(
-            np.array([m.rates_1_s for m in modes]), np.array([m.shapes for m in modes]), reached
+            np.array([m.eigenvalues_1_s for m in modes]),
+            np.array([m.mode_shapes for m in modes]),
+            reached,
         )
 
     def after(self, trajectory: Trajectory) -> ComplexArray:
         """q at the end: int a exp(rate (T - t)) dt, by parts rate int v exp(rate (T - t)) dt, so that steps in speed count."""
-        rates = self.rates_1_s.ravel()
+        rates = self.eigenvalues_1_s.ravel()
         total, end = np.zeros_like(rates), trajectory.duration_s
         for stop, piece in zip(trajectory.breaks_s[1:].tolist(), trajectory.pieces, strict=True):
             total += np.exp(rates * (end - stop)) * exponential_integral(piece, 1, rates)
-        return np.asarray(self.reached * (rates * total).reshape(self.rates_1_s.shape))
+        return np.asarray(self.reached * (rates * total).reshape(self.eigenvalues_1_s.shape))
 
 
 def _highest(t: FloatArray, angle: FloatArray, slope: FloatArray, bend: FloatArray) -> FloatArray:

@@ -21,7 +21,7 @@ MOST_DAMPING = {
 }  # near it the last impulses meet
 DAMPING_STEP = 0.02  # of real to imaginary part, from one solution to the next; at 0.1 another solution catches some
 EXACT = 1e-12  # largest error of a defining condition, as a share of the unshaped swing
-ROUNDING = 1e-12  # of a damping ratio that was taken from a rate
+DAMPING_ROUNDING = 1e-12  # of a damping ratio that was taken from a rate
 
 Conditions: TypeAlias = Callable[
     [FloatArray, complex], FloatArray
@@ -157,7 +157,7 @@ def _follow(name: str, rate_1_s: complex, conditions: Conditions, start: FloatAr
     """
     check_mode(rate_1_s)
     damping_ratio, most = -rate_1_s.real / abs(rate_1_s), MOST_DAMPING[name]
-    if damping_ratio > most + ROUNDING:
+    if damping_ratio > most + DAMPING_ROUNDING:
         raise PlanError(
             f"damping ratio {damping_ratio:.6g} for shaper {name}; must be <= {most:g}: take zvd or mzv"
         )

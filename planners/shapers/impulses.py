@@ -30,21 +30,21 @@ class Shaper(NamedTuple):
     times_s: FloatArray  # (n,) from 0, increasing
 
 
-def transform(shaper: Shaper, rates_1_s: ArrayLike) -> ComplexArray:
+def transform(shaper: Shaper, eigenvalues_1_s: ArrayLike) -> ComplexArray:
     """sum A_i exp(-rate t_i) for rates of any shape, in that shape; 0 where the shaper leaves no swing.
 
     Its absolute value is the shaped swing as a share of the unshaped one at the same instant (source 001).
     """
-    rates = np.asarray(rates_1_s, dtype=np.complex128)
+    rates = np.asarray(eigenvalues_1_s, dtype=np.complex128)
     return np.asarray(np.exp(-np.multiply.outer(rates, shaper.times_s)) @ shaper.amplitudes)
 
 
-def residual(shaper: Shaper, rates_1_s: ArrayLike) -> FloatArray:
+def residual(shaper: Shaper, eigenvalues_1_s: ArrayLike) -> FloatArray:
     """V on modes with these rates, any shape: swing at the last impulse over that of an impulse of 1 at the first one.
 
     Singer & Seering (1990): exp(-zeta w t_N) sqrt(C^2 + S^2).
     """
-    rates = np.asarray(rates_1_s, dtype=np.complex128)
+    rates = np.asarray(eigenvalues_1_s, dtype=np.complex128)
     return np.asarray(
         np.abs(
             np.exp(np.multiply.outer(rates, shaper.times_s[-1] - shaper.times_s))

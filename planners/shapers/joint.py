@@ -15,12 +15,12 @@ from planners.trajectories.pieces import ComplexArray, FloatArray
 SAME_MODE = 1e-9  # relative; rates closer than this are one mode
 GRID = 400  # parts of the cascade's length in which a joint shaper is looked for first
 FEASIBLE = 1e-7  # what the linear programme's solver takes for zero
-MERE = 1e-6  # an impulse weaker than this is dropped before the last Newton steps
+NEGLIGIBLE_IMPULSE = 1e-6  # an impulse weaker than this is dropped before the last Newton steps
 NEAR = 1e-3  # of the length; impulses of a joint shaper closer than this are tried as one first
 NEWTON_STEPS = 8  # three to six reach rounding
 
 
-def joint(rates_1_s: Sequence[complex], derivatives: int = 0) -> Shaper:
+def joint(eigenvalues_1_s: Sequence[complex], derivatives: int = 0) -> Shaper:
     """The shortest positive impulses that leave V and its first `derivatives` derivatives 0 at every mode at once.
 
     Such shapers are those of Hyde & Seering (1991), and of Singhose, Crain & Seering (1997), who compare them with
@@ -29,7 +29,7 @@ def joint(rates_1_s: Sequence[complex], derivatives: int = 0) -> Shaper:
     to 1e-9 are one mode.
     """
     modes: list[complex] = []
-    for rate in rates_1_s:
+    for rate in eigenvalues_1_s:
         check_mode(rate)
         if all(abs(rate - other) > SAME_MODE * abs(rate) for other in modes):
             modes.append(rate)
@@ -148,7 +148,7 @@ def _polished(moments: _Moments, guess: Shaper) -> Shaper | None:
         iprint=0,
     )
     amplitudes, times = _split(x)
-    kept = amplitudes > MERE
+    kept = amplitudes > NEGLIGIBLE_IMPULSE
     for gap in (NEAR, COINCIDENT):
         shaper = _exact(moments, gathered(amplitudes[kept], times[kept], gap))
         if shaper:

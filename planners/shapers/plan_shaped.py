@@ -50,8 +50,8 @@ def plan_shaped(name: str, problem: Problem) -> Trajectory:
     return shape(law, shaper).scaled(problem.distance_m).shifted(problem.start_m)
 
 
-def _cascade(name: str, rates_1_s: Sequence[complex]) -> Shaper:
-    each = [SHAPERS[name](rate) for rate in rates_1_s]
+def _cascade(name: str, eigenvalues_1_s: Sequence[complex]) -> Shaper:
+    each = [SHAPERS[name](rate) for rate in eigenvalues_1_s]
     impulses = math.prod(len(shaper.times_s) for shaper in each)
     if impulses > MOST_IMPULSES:
         raise PlanError(
@@ -87,11 +87,11 @@ def _check(name: str, problem: Problem) -> None:
         )
 
 
-def _half_periods(rates_1_s: Sequence[complex]) -> str:
+def _half_periods(eigenvalues_1_s: Sequence[complex]) -> str:
     """What explains the length when there are several modes."""
-    if len(rates_1_s) == 1:
+    if len(eigenvalues_1_s) == 1:
         return ""
-    halves = [f"{math.pi / rate.imag:.6f}" for rate in rates_1_s]
+    halves = [f"{math.pi / rate.imag:.6f}" for rate in eigenvalues_1_s]
     return f" (half periods {', '.join(halves[:-1])} and {halves[-1]} s)"
 
 

@@ -22,8 +22,8 @@ MOST_ALIKE = 1e6  # condition of the mode shapes; what they add up to is then go
 class Modal(NamedTuple):
     """A linear load in modes: q' = rates q + a with the acceleration a of its foot, and z = Re(shapes q)."""
 
-    rates_1_s: ComplexArray  # (m,) one of each conjugate pair
-    shapes: ComplexArray  # (n, m)
+    eigenvalues_1_s: ComplexArray  # (m,) one of each conjugate pair
+    mode_shapes: ComplexArray  # (n, m)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,7 +92,9 @@ class MassChain:
 def hanging(model: Model) -> Modal:
     """The small swings of a suspended load under a driven platform: z are its angles [rad]."""
     modes = model.modes()
-    return _one_of_each(modes.rates_1_s, modes.shapes[: model.links_count] * (modes.gains > 0.0))
+    return _one_of_each(
+        modes.eigenvalues_1_s, modes.mode_shapes[: model.links_count] * (modes.gains > 0.0)
+    )
 
 
 def response(load: Modal, trajectory: Trajectory, after_s: float = 0.0) -> tuple[Trajectory, ...]:
@@ -105,7 +107,7 @@ def response(load: Modal, trajectory: Trajectory, after_s: float = 0.0) -> tuple
         raise PlanError(
             f"after_s = {after_s}; must be finite and >= 0: take some periods of the load"
         )
-    states, steps = [0j] * load.rates_1_s.size, speed_steps(trajectory).tolist()
+    states, steps = [0j] * load.eigenvalues_1_s.size, speed_steps(trajectory).tolist()
     pieces: list[list[Piece]] = []
     for step, piece in zip(steps, trajectory.pieces, strict=False):
         states = [q + step for q in states]
@@ -121,8 +123,8 @@ def residual(load: Modal, trajectory: Trajectory) -> FloatArray:
 
     For one mass |int a exp((delta w_n + j w_d) t) dt| exp(-delta w_n T) / w_d, undamped pi V(w_n) / w_n.
     """
-    q = transform(trajectory, load.rates_1_s, trajectory.duration_s)
-    return np.asarray(np.abs(load.shapes) @ np.abs(q))
+    q = transform(trajectory, load.eigenvalues_1_s, trajectory.duration_s)
+    return np.asarray(np.abs(load.mode_shapes) @ np.abs(q))
 
 
 def _advance(
@@ -130,10 +132,10 @@ def _advance(
 ) -> list[complex]:
     """Adds the piece of every coordinate; the states at its end."""
     answers = [
-        driven(push, rate, q) for rate, q in zip(load.rates_1_s.tolist(), states, strict=True)
+        driven(push, rate, q) for rate, q in zip(load.eigenvalues_1_s.tolist(), states, strict=True)
     ]
     coordinates: list[Piece] = []
-    for shares in load.shapes.tolist():
+    for shares in load.mode_shapes.tolist():
         parts = (
             (share, term) for share, terms in zip(shares, answers, strict=True) for term in terms
         )
@@ -142,11 +144,13 @@ def _advance(
     return [sum((term.at(push.duration_s) for term in terms), 0j) for terms in answers]
 
 
-def _one_of_each(rates: ComplexArray, shapes: ComplexArray) -> Modal:
+def _one_of_each(rates: ComplexArray, mode_shapes: ComplexArray) -> Modal:
     kept = np.flatnonzero(rates.imag >= 0.0)
     kept = kept[np.argsort(np.abs(rates[kept]), kind="stable")]
     twice = np.where(rates[kept].imag > 0.0, 2.0, 1.0)
-    return Modal(rates[kept].astype(np.complex128), (twice * shapes[:, kept]).astype(np.complex128))
+    return Modal(
+        rates[kept].astype(np.complex128), (twice * mode_shapes[:, kept]).astype(np.complex128)
+    )
 
 
 def _links(values: tuple[float, ...]) -> FloatArray:

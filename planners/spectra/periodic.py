@@ -13,7 +13,7 @@ from planners.spectra.spectrum import transform
 from planners.trajectories.pieces import FloatArray
 from planners.trajectories.trajectory import Trajectory
 
-ROUNDING = 1e-12  # of the duration; a period shorter by less is meant to be the duration
+PERIOD_ROUNDING_REL = 1e-12  # of the duration; a period shorter by less is meant to be the duration
 
 
 class Harmonics(NamedTuple):
@@ -42,7 +42,7 @@ def harmonics(trajectory: Trajectory, count: int, period_s: float | None = None)
     period = trajectory.duration_s if period_s is None else period_s
     if count < 0:
         raise PlanError(f"count = {count} harmonics; must be >= 0: 0 is the mean alone")
-    if not trajectory.duration_s * (1.0 - ROUNDING) <= period < math.inf:
+    if not trajectory.duration_s * (1.0 - PERIOD_ROUNDING_REL) <= period < math.inf:
         raise PlanError(
             f"period_s = {period} of a motion; must be finite and >= its {trajectory.duration_s} s: wait for its end"
         )

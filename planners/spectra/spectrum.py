@@ -22,16 +22,20 @@ ComplexArray: TypeAlias = NDArray[np.complex128]
 BLOCK = 500_000  # Bessel functions held at once
 BEYOND = 25  # orders beyond the last one from which a continued fraction begins: it has forgotten its start to 1e-15
 TINY = 1e-30  # |z| at which j_0 is 1 and the others are 0
-ROUNDING = 4e-16  # of the largest coefficient; later terms of a series that small are dropped
+COEFFICIENT_ROUNDING_REL = (
+    4e-16  # of the largest coefficient; later terms of a series that small are dropped
+)
 
 
-def transform(trajectory: Trajectory, rates_1_s: ArrayLike, origin_s: float = 0.0) -> ComplexArray:
+def transform(
+    trajectory: Trajectory, eigenvalues_1_s: ArrayLike, origin_s: float = 0.0
+) -> ComplexArray:
     """int a(t) exp(-rate (t - origin)) dt [m/s] for rates of any shape, in that shape; a step in speed is an impulse.
 
     rate = j w gives the Fourier transform. With rate = a mode's eigenvalue and origin_s = duration_s it is what the mode
     q' = rate q + a holds at the end. Raises PlanError for a rate that is not finite, or too damped for its origin.
     """
-    rates = np.asarray(rates_1_s, dtype=np.complex128)
+    rates = np.asarray(eigenvalues_1_s, dtype=np.complex128)
     flat = rates.ravel()
     if not np.isfinite(flat).all():
         raise PlanError(
@@ -63,8 +67,8 @@ def spectrum_by_cycles(trajectory: Trajectory, cycles: ArrayLike) -> FloatArray:
     )
 
 
-def _check_growth(trajectory: Trajectory, rates_1_s: ComplexArray, origin_s: float) -> None:
-    reach = (-rates_1_s.real * (end - origin_s) for end in (0.0, trajectory.duration_s))
+def _check_growth(trajectory: Trajectory, eigenvalues_1_s: ComplexArray, origin_s: float) -> None:
+    reach = (-eigenvalues_1_s.real * (end - origin_s) for end in (0.0, trajectory.duration_s))
     most = max((float(r.max()) for r in reach if r.size), default=0.0)
     if most > 700.0:
         raise PlanError(
@@ -72,11 +76,13 @@ def _check_growth(trajectory: Trajectory, rates_1_s: ComplexArray, origin_s: flo
         )
 
 
-def _impulses(trajectory: Trajectory, rates_1_s: ComplexArray, origin_s: float) -> ComplexArray:
+def _impulses(
+    trajectory: Trajectory, eigenvalues_1_s: ComplexArray, origin_s: float
+) -> ComplexArray:
     steps = speed_steps(trajectory)
-    total = np.zeros_like(rates_1_s)
+    total = np.zeros_like(eigenvalues_1_s)
     for k in np.flatnonzero(steps):
-        total += steps[k] * np.exp(-rates_1_s * (trajectory.breaks_s[k] - origin_s))
+        total += steps[k] * np.exp(-eigenvalues_1_s * (trajectory.breaks_s[k] - origin_s))
     return total
 
 
@@ -90,22 +96,27 @@ def speed_steps(trajectory: Trajectory) -> FloatArray:
 
 def _trimmed(cells: Cells) -> Cells:
     sizes = np.abs(cells.series).max(axis=0)
-    terms = int(np.flatnonzero(sizes > ROUNDING * sizes.max())[-1]) + 1 if sizes.any() else 1
+    terms = (
+        int(np.flatnonzero(sizes > COEFFICIENT_ROUNDING_REL * sizes.max())[-1]) + 1
+        if sizes.any()
+        else 1
+    )
     return cells._replace(series=cells.series[:, :terms])
 
 
-def _integral(cells: Cells, begin_s: float, rates_1_s: ComplexArray) -> ComplexArray:
+def _integral(cells: Cells, begin_s: float, eigenvalues_1_s: ComplexArray) -> ComplexArray:
     """Integral of the series times exp(-rate (begin + t)): (W,) for rates (W,)."""
     n = np.arange(cells.series.shape[1])
-    total = np.zeros_like(rates_1_s)
+    total = np.zeros_like(eigenvalues_1_s)
     for half in np.unique(cells.halves_s):
         same = cells.halves_s == half
         waves = (
-            2.0 * half * (-1j) ** n * cells.series[same] @ _bessel(n, -1j * half * rates_1_s)
+            2.0 * half * (-1j) ** n * cells.series[same] @ _bessel(n, -1j * half * eigenvalues_1_s)
         )  # (cells, W)
-        growth = np.abs(rates_1_s.real) * half
+        growth = np.abs(eigenvalues_1_s.real) * half
         total += np.sum(
-            waves * np.exp(growth - np.outer(begin_s + cells.middles_s[same], rates_1_s)), axis=0
+            waves * np.exp(growth - np.outer(begin_s + cells.middles_s[same], eigenvalues_1_s)),
+            axis=0,
         )
     return total
 

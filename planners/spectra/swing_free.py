@@ -14,12 +14,12 @@ from planners.trajectories.pieces import FloatArray
 from planners.trajectories.trajectory import Trajectory
 
 SIGN = 1e-100  # stands for an exact zero on the edge of a cycle, so that it is crossed once
-NODES = 24  # over one cycle a spectrum has no finer detail: its 24th Chebyshev term is below (pi/4)^24 2 / 24! = 1e-26
+CHEBYSHEV_NODES = 24  # over one cycle a spectrum has no finer detail: its 24th Chebyshev term is below (pi/4)^24 2 / 24! = 1e-26
 FIRST = 0.01  # cycles; a move of so small a part of a period leaves swing
 MOST_CYCLES = 1000.0
 ZERO = 1e-11  # of the largest value in the same cycle
 SLACK = 1e-12  # of most_cycles
-ROUNDING = 1e-14  # of the largest value at all, at one cycle
+SPECTRUM_ROUNDING_REL = 1e-14  # of the largest value at all, at one cycle
 SAME = 1e-3  # cycles; turns closer than this that are all zeros are one multiple zero
 RADIUS, POINTS = (
     0.25,
@@ -116,8 +116,12 @@ class _Wave:
         """Where the slope is zero, and whether the value is, too: between turns there is at most one zero."""
         from numpy.polynomial.chebyshev import chebder, chebpts1, chebroots, chebvander
 
-        x = chebpts1(NODES)
-        to_series = chebvander(x, NODES - 1) * np.where(np.arange(NODES) == 0, 1.0, 2.0) / NODES
+        x = chebpts1(CHEBYSHEV_NODES)
+        to_series = (
+            chebvander(x, CHEBYSHEV_NODES - 1)
+            * np.where(np.arange(CHEBYSHEV_NODES) == 0, 1.0, 2.0)
+            / CHEBYSHEV_NODES
+        )
         middles, halves = (edges[1:] + edges[:-1]) / 2.0, (edges[1:] - edges[:-1]) / 2.0
         values = self.at(middles[:, None] + halves[:, None] * x)  # (cycles, nodes)
         found, largest = [np.zeros(0)], [np.zeros(0)]
@@ -128,7 +132,8 @@ class _Wave:
             largest.append(np.full(inside.size, np.abs(row).max()))
         turns = np.concatenate(found)
         bound = np.maximum(
-            ZERO * np.concatenate(largest), ROUNDING * np.abs(values).max() / (1.0 + turns)
+            ZERO * np.concatenate(largest),
+            SPECTRUM_ROUNDING_REL * np.abs(values).max() / (1.0 + turns),
         )
         return turns, np.abs(self.at(turns)) <= bound
 

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from planners import bounds
 from planners.errors import PlanError, check_range
-from planners.splines.points import SHORTEST
+from planners.splines.points import MIN_INTERVAL_REL
 from planners.trajectories.pieces import FloatArray
 
 ALLOCATIONS = {"equal": 0.0, "proportional": 1.0, "root": 0.5}  # name -> power of the distance
@@ -40,9 +40,9 @@ def allocate(points_m: ArrayLike, total_s: float, power: float) -> FloatArray:
         )
     weights = (distances / max(float(distances.max()), bounds.NEAREST_M)) ** power
     shares: FloatArray = weights / weights.sum()
-    for k in np.flatnonzero(shares < SHORTEST).tolist():
+    for k in np.flatnonzero(shares < MIN_INTERVAL_REL).tolist():
         raise PlanError(
-            f"the interval between points {k} and {k + 1} gets {shares[k]:.3g} of the time; must be >= {SHORTEST:g}: "
+            f"the interval between points {k} and {k + 1} gets {shares[k]:.3g} of the time; must be >= {MIN_INTERVAL_REL:g}: "
             "lower the power, or drop one of the points"
         )
     return shares * total_s

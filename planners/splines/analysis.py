@@ -14,7 +14,7 @@ from planners.trajectories.pieces import FloatArray
 from planners.trajectories.trajectory import Trajectory
 
 NAMES = ("position_m", "speed_m_s", "acceleration_m_s2", "jerk_m_s3")
-ROUNDING = (
+LIMIT_EXCESS_REL = (
     1e-9  # share by which a peak may exceed its limit, and by which it counts as being at a joint
 )
 NO_LIMITS = AxisLimits()
@@ -31,7 +31,7 @@ class Range(NamedTuple):
     rms: float
 
 
-class Analysis(NamedTuple):
+class SplineAnalysis(NamedTuple):
     """Position, speed, acceleration and jerk of a motion, and a sentence for every limit broken."""
 
     duration_s: float
@@ -44,7 +44,7 @@ class Analysis(NamedTuple):
 
 def analyse(
     trajectory: Trajectory, times_s: ArrayLike | None = None, limits: AxisLimits = NO_LIMITS
-) -> Analysis:
+) -> SplineAnalysis:
     """Intervals are those between times_s (N,) of the points, from 0 on; without them, the pieces of the trajectory.
 
     Steps at joints (a jerk without bound) are not in the ranges; Trajectory.continuous tells of them. Raises PlanError for
@@ -61,12 +61,14 @@ def analyse(
     warnings = _position_warnings(position, limits) + _peak_warnings(
         (speed, acceleration, jerk), limits
     )
-    return Analysis(trajectory.duration_s, position, speed, acceleration, jerk, tuple(warnings))
+    return SplineAnalysis(
+        trajectory.duration_s, position, speed, acceleration, jerk, tuple(warnings)
+    )
 
 
 def _range(trajectory: Trajectory, order: int, times: FloatArray) -> Range:
     (low, high), (peak, at) = trajectory.extent(order), trajectory.peak(order)
-    near = ROUNDING * trajectory.duration_s
+    near = LIMIT_EXCESS_REL * trajectory.duration_s
     interval = int(np.clip(np.searchsorted(times, at + near) - 1, 0, times.size - 2))
     if interval and abs(at - times[interval]) <= near and _met_before(trajectory, order, at, peak):
         interval -= 1
@@ -77,11 +79,13 @@ def _met_before(trajectory: Trajectory, order: int, at: float, peak: float) -> b
     """Whether the piece that ends at this instant has the peak too."""
     k = int(np.argmin(np.abs(trajectory.breaks_s[1:] - at)))
     piece = trajectory.pieces[k]
-    return abs(float(piece.at(np.array(piece.duration_s), order))) >= (1.0 - ROUNDING) * peak
+    return (
+        abs(float(piece.at(np.array(piece.duration_s), order))) >= (1.0 - LIMIT_EXCESS_REL) * peak
+    )
 
 
 def _position_warnings(position: Range, limits: AxisLimits) -> list[str]:
-    reach = ROUNDING * position.peak
+    reach = LIMIT_EXCESS_REL * position.peak
     sides = (
         (position.high, "<=", limits.position_max_m, position.high > limits.position_max_m + reach),
         (position.low, ">=", limits.position_min_m, position.low < limits.position_min_m - reach),
@@ -98,5 +102,5 @@ def _peak_warnings(ranges: Sequence[Range], limits: AxisLimits) -> list[str]:
         f"|{NAMES[order]}| reaches {here.peak:.6g} at {here.peak_t_s:.6g} s in interval {here.interval}; "
         f"must be <= {limits.of_order(order):.6g}: give that interval more time"
         for order, here in zip(OF_ORDER, ranges, strict=True)
-        if here.peak > (1.0 + ROUNDING) * limits.of_order(order)
+        if here.peak > (1.0 + LIMIT_EXCESS_REL) * limits.of_order(order)
     ]

@@ -13,7 +13,7 @@ from planners.trajectories.cells import Polynomials
 from planners.trajectories.pieces import FloatArray
 from planners.trajectories.trajectory import Trajectory
 
-FEWEST = 2
+MIN_POINTS = 2
 DEGREES = (4, 5)
 
 
@@ -29,7 +29,7 @@ def b_spline(
         raise PlanError(
             f"degree = {degree} of a B-spline; must be 4 or 5: two conditions at both ends fix no other"
         )
-    via = via_points(f"B-spline of degree {degree}", times_s, points_m, FEWEST, (start, end))
+    via = via_points(f"B-spline of degree {degree}", times_s, points_m, MIN_POINTS, (start, end))
     return Trajectory(
         Polynomials(*degree_pieces(via.durations_s, via.points_m, degree, start, end))
     )

@@ -14,8 +14,8 @@ from planners.trajectories.cells import Polynomials
 from planners.trajectories.pieces import FloatArray
 from planners.trajectories.trajectory import Trajectory
 
-FEWEST = 3
-ROUNDING = 1e-12  # share of an interval that blends may overlap by
+MIN_POINTS = 3
+BLEND_OVERLAP_REL = 1e-12  # share of an interval that blends may overlap by
 
 
 class Blends(NamedTuple):
@@ -37,7 +37,7 @@ def parabolic_blends(
     starts and ends at rest by a parabola that lies inside its first and last interval; without, at the lines' speeds.
     Raises PlanError for bad points, Infeasible when the blends do not fit their interval.
     """
-    via = via_points("parabolic blends", times_s, points_m, FEWEST)
+    via = via_points("parabolic blends", times_s, points_m, MIN_POINTS)
     check_range(
         "acceleration_m_s2",
         acceleration_m_s2,
@@ -71,7 +71,7 @@ def _ramp(via: ViaPoints, interval: int, acceleration: float) -> float:
 
 def _check_room(via: ViaPoints, blends: FloatArray, acceleration: float) -> None:
     taken = blends[:-1] + blends[1:]
-    for k in np.flatnonzero(taken > (1.0 + ROUNDING) * via.durations_s).tolist():
+    for k in np.flatnonzero(taken > (1.0 + BLEND_OVERLAP_REL) * via.durations_s).tolist():
         raise Infeasible(
             f"blends at points {k} and {k + 1} take {taken[k]:.6g} s of an interval of {via.durations_s[k]:.6g} s at "
             f"{acceleration:.6g} m/s^2; must fit: raise the acceleration or give the interval more time"

@@ -13,7 +13,7 @@ from planners import bounds
 from planners.errors import PlanError, check_range, unknown_name
 from planners.splines.b_spline import b_spline
 from planners.splines.four_three_four import four_three_four
-from planners.splines.points import REST, SHORTEST, End, via_points
+from planners.splines.points import MIN_INTERVAL_REL, REST, End, via_points
 from planners.trajectories.cells import Polynomials
 from planners.trajectories.pieces import FloatArray
 from planners.trajectories.trajectory import JUMP, Trajectory
@@ -113,7 +113,7 @@ def _through(k: int, segment: Spline, start: End, end: End) -> Trajectory:
         check_range(
             f"durations_s[{i}] in segment {k}",
             h,
-            SHORTEST * bounds.SHORTEST_S,
+            MIN_INTERVAL_REL * bounds.SHORTEST_S,
             bounds.LONGEST_S,
             "give it time",
         )

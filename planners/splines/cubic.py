@@ -12,7 +12,7 @@ from planners.trajectories.cells import Polynomials
 from planners.trajectories.pieces import FloatArray
 from planners.trajectories.trajectory import Trajectory
 
-FEWEST = 2
+MIN_POINTS = 2
 JUMP = 1e-9  # of the largest position: a periodic motion must come back this closely
 
 
@@ -24,14 +24,14 @@ def clamped(
 ) -> Trajectory:
     """Through points (N,) at times (N,) with the speeds at both ends (source 000, cubic spline). PlanError for bad points."""
     ends = End(start_speed_m_s), End(end_speed_m_s)
-    via = via_points("cubic spline", times_s, points_m, FEWEST, ends)
+    via = via_points("cubic spline", times_s, points_m, MIN_POINTS, ends)
     rows = clamped_coefficients(via.durations_s, via.points_m, start_speed_m_s, end_speed_m_s)
     return Trajectory(Polynomials(via.durations_s, rows))
 
 
 def natural(times_s: ArrayLike, points_m: ArrayLike) -> Trajectory:
     """Through points (N,) at times (N,) without acceleration at the ends; the end speeds follow. PlanError for bad points."""
-    via = via_points("natural cubic spline", times_s, points_m, FEWEST)
+    via = via_points("natural cubic spline", times_s, points_m, MIN_POINTS)
     h, steps = via.durations_s, np.diff(via.slopes_m_s)
     a = np.zeros(via.times_s.size)
     if steps.size:

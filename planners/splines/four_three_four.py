@@ -12,7 +12,7 @@ from planners.trajectories.cells import Polynomials
 from planners.trajectories.pieces import FloatArray
 from planners.trajectories.trajectory import Trajectory
 
-FEWEST = 3
+MIN_POINTS = 3
 
 
 def four_three_four(
@@ -22,7 +22,7 @@ def four_three_four(
 
     The unknowns left are the accelerations at the inner points: a tridiagonal system of N - 2. PlanError for bad points.
     """
-    via = via_points("4-3-4 spline", times_s, points_m, FEWEST, (start, end))
+    via = via_points("4-3-4 spline", times_s, points_m, MIN_POINTS, (start, end))
     return Trajectory(
         Polynomials(via.durations_s, quartic_ended(via.durations_s, via.points_m, start, end))
     )

@@ -18,13 +18,13 @@ from planners.splines.limits import OF_ORDER, AxisLimits
 from planners.splines.shape_search import Shape, ShapeSearch
 from planners.trajectories.pieces import FloatArray
 
-FEWEST = 3
+MIN_POINTS = 3
 SAMPLES = 256  # allocations looked at besides the starts
 POLISHED = 4  # the best of them that are followed to their minimum
 SPREAD = 1.0  # standard deviation of the logarithm of a drawn duration about the root allocation
 FLOOR = 1e-3  # of the whole path: a shorter interval is given time as if it were so long
 LEAST_M = 1e-12  # of the way: less is rounding
-SHORTEST = 1e-3  # of the total time: an interval between equal points that is shorter is on its way to nothing
+MIN_INTERVAL_REL = 1e-3  # of the total time: an interval between equal points that is shorter is on its way to nothing
 
 SHAPES: dict[str, Shape] = {
     "cubic": lambda h, q: (h, clamped_coefficients(h, q)),
@@ -80,9 +80,9 @@ def minimum_time(
 
 
 def _check(law: str, q: FloatArray, limits: AxisLimits) -> None:
-    if q.ndim != 2 or q.shape[0] < FEWEST or not np.isfinite(q).all():
+    if q.ndim != 2 or q.shape[0] < MIN_POINTS or not np.isfinite(q).all():
         raise PlanError(
-            f"points_m of shape {q.shape} for a minimum time; must be >= {FEWEST} finite points (N,) or (N, axes): "
+            f"points_m of shape {q.shape} for a minimum time; must be >= {MIN_POINTS} finite points (N,) or (N, axes): "
             "mend the table, or scale a two-point law"
         )
     check_range(
@@ -113,11 +113,11 @@ def _check(law: str, q: FloatArray, limits: AxisLimits) -> None:
 def _check_repeated(q: FloatArray, h: FloatArray) -> None:
     """A motion may pass one point twice, turning in between; it must not stop there, or the interval has no least time."""
     for k in np.flatnonzero(
-        (h < SHORTEST * h.sum()) & np.all(np.diff(q, axis=0) == 0.0, axis=1)
+        (h < MIN_INTERVAL_REL * h.sum()) & np.all(np.diff(q, axis=0) == 0.0, axis=1)
     ).tolist():
         raise Infeasible(
             f"points {k} and {k + 1} are both at {q[k]} m, and the time between them shrinks to {h[k]:.3g} s of "
-            f"{h.sum():.6g} s; must be > {SHORTEST:g} of it: drop one of them, or put a dwell there"
+            f"{h.sum():.6g} s; must be > {MIN_INTERVAL_REL:g} of it: drop one of them, or put a dwell there"
         )
 
 

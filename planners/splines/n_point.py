@@ -12,10 +12,10 @@ from planners.splines.points import via_points
 from planners.trajectories.pieces import FloatArray, Smooth
 from planners.trajectories.trajectory import Trajectory
 
-FEWEST = 2
+MIN_POINTS = 2
 MISS = 1e-9  # of the largest point
 MOST_ORDERS = 24  # beyond, derivatives of the shortest motions are no numbers
-HIGHEST_ORDER = 6  # derivatives that are declared, though those of a short polynomial are 0
+MAX_DERIVATIVE_ORDER = 6  # derivatives that are declared, though those of a short polynomial are 0
 
 
 class Conditioning(NamedTuple):
@@ -35,7 +35,7 @@ def n_point(times_s: ArrayLike, points_m: ArrayLike) -> Trajectory:
     """
     from numpy.polynomial import chebyshev
 
-    via = via_points("n-point polynomial", times_s, points_m, FEWEST)
+    via = via_points("n-point polynomial", times_s, points_m, MIN_POINTS)
     duration = float(via.times_s[-1] - via.times_s[0])
     x = 2.0 * (via.times_s - via.times_s[0]) / duration - 1.0
     series = np.linalg.solve(chebyshev.chebvander(x, x.size - 1), via.points_m)
@@ -47,7 +47,7 @@ def n_point(times_s: ArrayLike, points_m: ArrayLike) -> Trajectory:
         raise NotConverged(
             f"the polynomial through {x.size} points misses one by {missed:.3g} m; must be <= {MISS * size:.3g}: take a spline"
         )
-    orders = range(min(max(HIGHEST_ORDER, x.size), MOST_ORDERS) + 1)
+    orders = range(min(max(MAX_DERIVATIVE_ORDER, x.size), MOST_ORDERS) + 1)
     slopes = [chebyshev.chebder(series, order) * (2.0 / duration) ** order for order in orders]
 
     def value(t: FloatArray, order: int) -> FloatArray:
@@ -60,8 +60,8 @@ def n_point(times_s: ArrayLike, points_m: ArrayLike) -> Trajectory:
 
 def conditioning(points: int) -> Conditioning:
     """The row of n equidistant points (source 000, Vandermonde table: the column of powers). PlanError below 2."""
-    if points < FEWEST:
-        raise PlanError(f"points = {points} of a polynomial; must be >= {FEWEST}: ask for more")
+    if points < MIN_POINTS:
+        raise PlanError(f"points = {points} of a polynomial; must be >= {MIN_POINTS}: ask for more")
     from numpy.polynomial import chebyshev
 
     x = np.linspace(-1.0, 1.0, points)

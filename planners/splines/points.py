@@ -12,7 +12,7 @@ from planners.errors import PlanError, check_range
 from planners.trajectories.pieces import FloatArray
 
 LATEST_S = 1e12  # on any clock
-SHORTEST = 1e-9  # of the whole time: a shorter interval is a slip of the table
+MIN_INTERVAL_REL = 1e-9  # of the whole time: a shorter interval is a slip of the table
 
 
 class ViaPoints(NamedTuple):
@@ -72,9 +72,9 @@ def via_points(
             f"{law}: times_s[{k + 1}] = {t[k + 1]:.12g} {what} after {t[k]:.12g}; must increase: mend the table"
         )
     total = bounds.duration(float(t[-1] - t[0]))
-    for k in np.flatnonzero(np.diff(t) < SHORTEST * total).tolist():
+    for k in np.flatnonzero(np.diff(t) < MIN_INTERVAL_REL * total).tolist():
         raise PlanError(
             f"{law}: the interval after times_s[{k}] lasts {t[k + 1] - t[k]:.3g} s of {total:.6g} s; "
-            f"must be >= {SHORTEST:g} of it: drop one of the points"
+            f"must be >= {MIN_INTERVAL_REL:g} of it: drop one of the points"
         )
     return ViaPoints(t, q)

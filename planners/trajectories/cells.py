@@ -23,8 +23,8 @@ TERMS = 16
 TAIL = (
     1e-13  # a smooth cell is resolved when its last terms are below this share of the largest value
 )
-SHORTEST = 2.0**-20  # of the duration; a smooth function needs no shorter cell
-ROUNDING = 4e-16
+MIN_CELL_REL = 2.0**-20  # of the duration; a smooth function needs no shorter cell
+COEFFICIENT_ROUNDING_REL = 4e-16
 BLOCK = 512  # pieces whose samples are swept together: a million through 10,000 pieces take 4 ms, without blocks 15
 HELD = 2_000_000  # numbers held at once
 
@@ -59,7 +59,9 @@ class Cells(NamedTuple):
         for k in np.flatnonzero((np.abs(slopes[:, 0]) <= rest) & (rest > 0)):
             slope = np.trim_zeros(
                 np.where(
-                    np.abs(slopes[k]) > ROUNDING * np.abs(self.series[k]).max(), slopes[k], 0.0
+                    np.abs(slopes[k]) > COEFFICIENT_ROUNDING_REL * np.abs(self.series[k]).max(),
+                    slopes[k],
+                    0.0,
                 ),
                 "b",
             )
@@ -169,26 +171,26 @@ def resolve(piece: Piece, order: int) -> Cells:
         open_ = np.abs(cells.series[:, -2:]).max(axis=1) > TAIL * scale
         done.append(Cells(*(field[~open_] for field in cells)))
         m, h = cells.middles_s[open_], cells.halves_s[open_]
-        if h.size and h.min() < SHORTEST * piece.duration_s:
+        if h.size and h.min() < MIN_CELL_REL * piece.duration_s:
             raise PlanError(
                 f"derivative {order} of a smooth piece jumps or bends near its {float(m[0]):.6g} s; "
-                f"its cells must resolve at {SHORTEST * piece.duration_s:.3g} s: split the piece there"
+                f"its cells must resolve at {MIN_CELL_REL * piece.duration_s:.3g} s: split the piece there"
             )
         cells = _series(piece, order, np.concatenate([m - h, m]), np.concatenate([m, m + h]), TERMS)
     return Cells(*(np.concatenate(fields) for fields in zip(*done, strict=True)))
 
 
-def exponential_integral(piece: Piece, order: int, rates_1_s: ComplexArray) -> ComplexArray:
+def exponential_integral(piece: Piece, order: int, eigenvalues_1_s: ComplexArray) -> ComplexArray:
     """Integral over the piece of its derivative times exp(rate (end - t)), for rates (R,), by Gauss-Legendre on the cells."""
     cells = resolve(piece, order)
     x, w, _ = _gauss_legendre(TERMS)
-    parts = max(1, math.ceil(float(cells.halves_s.max() * np.abs(rates_1_s).max())))
+    parts = max(1, math.ceil(float(cells.halves_s.max() * np.abs(eigenvalues_1_s).max())))
     sub = (2.0 * np.arange(parts) + 1.0) / parts - 1.0  # middles of the parts of a cell, in [-1, 1]
     middles = (cells.middles_s[:, None] + cells.halves_s[:, None] * sub).reshape(-1, 1)
     halves = np.repeat(cells.halves_s / parts, parts)[:, None]
     t = middles + halves * x  # (parts of cells, nodes)
     pushes, left = (halves * w * piece.at(t, order)).ravel(), piece.duration_s - t.ravel()
-    blocks = np.array_split(rates_1_s, math.ceil(left.size * rates_1_s.size / HELD))
+    blocks = np.array_split(eigenvalues_1_s, math.ceil(left.size * eigenvalues_1_s.size / HELD))
     return np.concatenate([pushes @ np.exp(np.outer(left, block)) for block in blocks])
 
 

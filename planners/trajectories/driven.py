@@ -10,9 +10,9 @@ from typing import NamedTuple
 from planners.trajectories.cells import resolve
 from planners.trajectories.pieces import (
     ExpPolynomial,
-    Mode,
+    ModalTerm,
     Piece,
-    exponential_integral,
+    exponential_antiderivative,
     polynomial,
     polynomial_integral,
 )
@@ -50,7 +50,9 @@ def real_part(parts: Iterable[tuple[complex, Term]], duration_s: float) -> ExpPo
             rate, c = rate.conjugate(), [a.conjugate() for a in c]
         modes[rate] = [a + b for a, b in zip_longest(modes.get(rate, ()), c, fillvalue=0j)]
     line = tuple(a.real for a in modes.pop(0j, [0j]))
-    return ExpPolynomial(duration_s, line, tuple(Mode(rate, tuple(c)) for rate, c in modes.items()))
+    return ExpPolynomial(
+        duration_s, line, tuple(ModalTerm(rate, tuple(c)) for rate, c in modes.items())
+    )
 
 
 def accelerations(piece: Piece) -> list[ExpPolynomial]:
@@ -76,7 +78,7 @@ def _particular(slip: complex, p: tuple[complex, ...], duration_s: float) -> tup
     """
     reach = abs(slip) * duration_s
     if reach > max(1.0, (len(p) - 1) / 3.0):
-        return exponential_integral(slip, p)
+        return exponential_antiderivative(slip, p)
     term = total = polynomial_integral(p)
     m, size = 1, 1.0
     while slip and size > 1e-18:

@@ -14,7 +14,7 @@ from planners.errors import PlanError, check_range
 from planners.trajectories.pieces import (
     ExpPolynomial,
     FloatArray,
-    Mode,
+    ModalTerm,
     Number,
     Piece,
     Smooth,
@@ -23,7 +23,7 @@ from planners.trajectories.pieces import (
 )
 from planners.trajectories.trajectory import JUMP, Trajectory
 
-HIGHEST_ORDER = 8  # derivatives of a composition
+MAX_DERIVATIVE_ORDER = 8  # derivatives of a composition
 SLIVER = 1e-12  # of the duration; instants closer than this are one
 
 
@@ -137,7 +137,7 @@ def _reversed(piece: Piece) -> Piece:
             piece.highest_order,
         )
     tail = piece.window(end, end)  # on the time since the end; then t -> -t
-    modes = tuple(Mode(-rate, tuple(_alternating(c))) for rate, c in tail.modes)
+    modes = tuple(ModalTerm(-rate, tuple(_alternating(c))) for rate, c in tail.modes)
     return ExpPolynomial(end, tuple(_alternating(tail.coefficients)), modes)
 
 
@@ -154,7 +154,7 @@ def _stretched(piece: Piece, factor: float) -> Piece:
             lambda t, order: function(t / factor, order) / factor**order,
             piece.highest_order,
         )
-    modes = tuple(Mode(rate / factor, tuple(_slowed(c, factor))) for rate, c in piece.modes)
+    modes = tuple(ModalTerm(rate / factor, tuple(_slowed(c, factor))) for rate, c in piece.modes)
     return ExpPolynomial(duration_s, tuple(_slowed(piece.coefficients, factor)), modes)
 
 
@@ -219,7 +219,7 @@ def _composed(trajectory: Trajectory, sigma: Trajectory, start_s: float, end_s: 
 
     highest = min(
         [
-            HIGHEST_ORDER,
+            MAX_DERIVATIVE_ORDER,
             *(piece.highest_order for piece in (clock, path) if isinstance(piece, Smooth)),
         ]
     )

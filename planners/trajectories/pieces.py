@@ -23,7 +23,7 @@ ComplexArray: TypeAlias = NDArray[np.complex128]
 Number = TypeVar("Number", float, complex)
 
 
-class Mode(NamedTuple):
+class ModalTerm(NamedTuple):
     """Re(p(t) exp(rate t)) with a complex polynomial p; a plain sinusoid has one coefficient."""
 
     rate_1_s: complex
@@ -54,7 +54,7 @@ class ExpPolynomial:
 
     duration_s: float
     coefficients: tuple[float, ...]  # ascending powers of t, at least one
-    modes: tuple[Mode, ...] = ()
+    modes: tuple[ModalTerm, ...] = ()
 
     @property
     def cells(self) -> int:
@@ -91,12 +91,16 @@ class ExpPolynomial:
         modes = []
         for rate, c in self.modes:
             slope = (*_slope(c), 0j)
-            modes.append(Mode(rate, tuple(rate * a + b for a, b in zip(c, slope, strict=True))))
+            modes.append(
+                ModalTerm(rate, tuple(rate * a + b for a, b in zip(c, slope, strict=True)))
+            )
         return ExpPolynomial(self.duration_s, _slope(self.coefficients) or (0.0,), tuple(modes))
 
     def integral(self, start: float) -> ExpPolynomial:
         """The piece with this derivative that begins at `start`; no mode may have rate 0."""
-        modes = tuple(Mode(rate, exponential_integral(rate, c)) for rate, c in self.modes)
+        modes = tuple(
+            ModalTerm(rate, exponential_antiderivative(rate, c)) for rate, c in self.modes
+        )
         constant = start - sum(mode.coefficients[0].real for mode in modes)
         powers = (c / (j + 1) for j, c in enumerate(self.coefficients))
         return ExpPolynomial(self.duration_s, (constant, *powers), modes)
@@ -106,12 +110,12 @@ class ExpPolynomial:
         modes = []
         for rate, c in self.modes:
             growth = cmath.exp(rate * start_s)
-            modes.append(Mode(rate, tuple(growth * a for a in _moved(c, start_s))))
+            modes.append(ModalTerm(rate, tuple(growth * a for a in _moved(c, start_s))))
         return ExpPolynomial(duration_s, _moved(self.coefficients, start_s), tuple(modes))
 
     def scaled(self, factor: float) -> ExpPolynomial:
         """factor times the piece."""
-        modes = tuple(Mode(rate, tuple(factor * a for a in c)) for rate, c in self.modes)
+        modes = tuple(ModalTerm(rate, tuple(factor * a for a in c)) for rate, c in self.modes)
         return ExpPolynomial(self.duration_s, tuple(factor * a for a in self.coefficients), modes)
 
 
@@ -171,7 +175,7 @@ def add_closed(a: ExpPolynomial, b: ExpPolynomial) -> ExpPolynomial:
     return ExpPolynomial(
         a.duration_s,
         _sum(a.coefficients, b.coefficients),
-        tuple(Mode(*item) for item in modes.items()),
+        tuple(ModalTerm(*item) for item in modes.items()),
     )
 
 
@@ -205,7 +209,9 @@ def polynomial_integral(coefficients: tuple[complex, ...]) -> tuple[complex, ...
     return (0j, *(c / (j + 1) for j, c in enumerate(coefficients)))
 
 
-def exponential_integral(rate: complex, coefficients: tuple[complex, ...]) -> tuple[complex, ...]:
+def exponential_antiderivative(
+    rate: complex, coefficients: tuple[complex, ...]
+) -> tuple[complex, ...]:
     """q with (q exp(rate t))' = p exp(rate t), that is q' + rate q = p."""
     q = [0j] * (len(coefficients) + 1)
     for j in range(len(coefficients) - 1, -1, -1):

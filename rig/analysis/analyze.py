@@ -37,7 +37,7 @@ MAX_LATE = 0.01  # share of late references
 MAX_SWING_ERROR_RAD = 0.5e-3  # rms against the truth of a simulated bench, outside the move
 
 
-class Analysis:
+class RunAnalysis:
     """A log, its summary and the fit behind it; what the report draws."""
 
     def __init__(self, path: Path) -> None:

@@ -16,10 +16,10 @@ from comms.errors import LogError
 from comms.mcap_log import Log, read_log
 from comms.messages import AngleSample, Command, Reference, RobotState, Truth, Verb
 from comms.plan_record import PlanRecord
-from comms.records import CompressedImage, Event, FrameStamp, LinkRow, Receipts, Timing
+from comms.records import CompressedImage, Event, FrameStamp, LinkRow, Receipts, TaskTiming
 from rig.analysis.facts import RunFacts, read_facts
 
-Array = npt.NDArray[np.float64]
+FloatArray = npt.NDArray[np.float64]
 SETTLE_S = 0.30  # after the planned end: the platform lags the plan by about 60 ms
 
 
@@ -87,7 +87,7 @@ class RunLog:
         return self.log.read("/angle", AngleSample)
 
     @cached_property
-    def swing(self) -> tuple[Array, Array, Array]:
+    def swing(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Valid angles: instants [s], angles [rad], sigmas [rad], each (N,)."""
         rows = [
             (a.t_valid_ns * 1e-9, a.angle_rad, a.sigma_rad)
@@ -99,7 +99,7 @@ class RunLog:
         return t[keep], angle[keep], sigma[keep]
 
     @cached_property
-    def single_frames(self) -> tuple[Array, Array, Array]:
+    def single_frames(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Angles of single frames, offset removed, not averaged: for peaks, which an average flattens. As swing; t is rough."""
         frames = math.sqrt(self.facts.average_frames)
         rows = [
@@ -120,7 +120,7 @@ class RunLog:
         ]
 
     @cached_property
-    def truth(self) -> Array:
+    def truth(self) -> FloatArray:
         """(N, 4): instant [s], angle [rad], rate [rad/s], platform x [m]; (0, 4) on a real rig."""
         rows = [
             (t.t_ns * 1e-9, t.angle_rad, t.angular_velocity_rad_s, t.position_m[0])
@@ -129,7 +129,7 @@ class RunLog:
         return np.array(rows, dtype=np.float64).reshape(-1, 4)
 
     @cached_property
-    def robot(self) -> Array:
+    def robot(self) -> FloatArray:
         """(N, 4): instant of sending [s], commanded x [m], instant of measuring [s], actual x [m]."""
         states = self.log.read("/robot_state", RobotState)
         rows = [
@@ -137,7 +137,7 @@ class RunLog:
         ]
         return np.array(rows, dtype=np.float64).reshape(-1, 4)
 
-    def planned_m(self, t_s: Array) -> Array:
+    def planned_m(self, t_s: FloatArray) -> FloatArray:
         """Planned x [m] at t_s (N,), at rest before and after."""
         x = np.array([p[0] for p in self.plan.positions_m])
         grid = (self.t_start_s or 0.0) + self.plan.period_ns * 1e-9 * np.arange(x.size)
@@ -166,7 +166,7 @@ class RunLog:
     def late_ticks(self) -> dict[str, int]:
         """Ticks each task skipped."""
         topics = [topic for topic in self.log.topics if topic.startswith("/timing/")]
-        rows = [row for topic in topics for row in self.log.read(topic, Timing)]
+        rows = [row for topic in topics for row in self.log.read(topic, TaskTiming)]
         return {row.task: row.late_ticks for row in rows}
 
     def events(self) -> list[Event]:

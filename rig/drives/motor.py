@@ -16,7 +16,7 @@ from planners import bounds
 from planners.errors import PlanError, check_range
 from planners.spectra.spectrum import speed_steps
 from planners.trajectories.driven import Term, real_part
-from planners.trajectories.pieces import FloatArray, Mode, Piece, Smooth, add
+from planners.trajectories.pieces import FloatArray, ModalTerm, Piece, Smooth, add
 from planners.trajectories.trajectory import JUMP, Peak, Trajectory
 
 TOLERANCE = 1e-9  # of a limit; a motion that meets it exactly keeps it
@@ -229,7 +229,7 @@ def _product(a: Piece, b: Piece) -> Piece:
         return Smooth(a.duration_s, lambda t, _: a.at(t) * b.at(t), 0)
     parts: list[tuple[complex, Term]] = []
     for (r, p), (s, q) in product(
-        (Mode(0j, a.coefficients), *a.modes), (Mode(0j, b.coefficients), *b.modes)
+        (ModalTerm(0j, a.coefficients), *a.modes), (ModalTerm(0j, b.coefficients), *b.modes)
     ):
         for rate, other in ((s, np.array(q)), (s.conjugate(), np.conj(q))):
             parts.append((0.5, Term(r + rate, tuple(np.convolve(p, other).tolist()))))

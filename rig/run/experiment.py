@@ -16,20 +16,20 @@ from rig.run import runs
 from rig.run.config import Experiment
 from rig.run.job import Job, plan_move, prepare
 from rig.run.runtime import bench
-from rig.run.runtime.execute import Mode, Outcome, Progress, execute
+from rig.run.runtime.execute import ClockMode, Progress, RunOutcome, execute
 
 
 class Ran(NamedTuple):
     """What is left of a run: its folder, how it ended, and its loss-free twin's folder when links lost packets."""
 
     folder: Path
-    outcome: Outcome
+    outcome: RunOutcome
     twin: Path | None
 
 
 def run(
     experiment: Experiment,
-    mode: Mode,
+    mode: ClockMode,
     runs_folder: Path,
     progress: Progress,
     before: Callable[[Job, Plan | None], None],

@@ -19,7 +19,7 @@ from planners.trajectories.motion import Motion
 from rig.errors import ConfigError, Refused
 from rig.run.calibration import file as calibration_file
 from rig.run.config import Experiment
-from rig.run.load_model import belief
+from rig.run.load_model import load_model
 from rig.run.tasks.controller.task import ControllerSettings
 from rig.run.tasks.safety import Envelope, Gate
 from rig.run.tasks.streamer import PERIOD_NS, StreamerSettings
@@ -67,13 +67,13 @@ def plan_move(experiment: Experiment, timer: Any = None) -> Plan | None:
         return None
     try:
         if e.move.waypoints:
-            return plan_through(e, read_waypoints(Path(e.move.waypoints)), belief(e))
+            return plan_through(e, read_waypoints(Path(e.move.waypoints)), load_model(e))
         problem = Problem(
             start_m=e.move.start_m,
             distance_m=e.move.distance_m,
             time_s=e.move.time_s,
             axis=e.move.axis,
-            model=belief(e),
+            model=load_model(e),
             input=e.plan.input,
             nonlinear=e.plan.nonlinear,
             law=e.plan.law,
@@ -98,7 +98,7 @@ def prepare(
     """
     if plan is not None and plan.reasons:
         raise Refused(f"the plan leaves [limits]: {'; '.join(plan.reasons)}")
-    links = belief(experiment).links_count
+    links = load_model(experiment).links_count
     if links != plant.links:
         raise Refused(
             f"[model] links names {links} links, [bench.pendulum] hangs on {plant.links}; both must have as many: "
@@ -206,6 +206,6 @@ def _streamer(experiment: Experiment, record: PlanRecord, envelope: Envelope) ->
         if experiment.camera.rate_hz > 0
         else 0,
         robot_stale_ns=round(experiment.safety.robot_stale_ms * MS),
-        natural_frequency_rad_s=belief(experiment).natural_frequency_rad_s,
+        natural_frequency_rad_s=load_model(experiment).natural_frequency_rad_s,
         initial_swing_rad=experiment.safety.initial_swing_rad,
     )

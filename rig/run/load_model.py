@@ -10,7 +10,7 @@ from rig.errors import ConfigError
 from rig.run.config import Experiment, ModelSection
 
 
-def belief(experiment: Experiment) -> Model:
+def load_model(experiment: Experiment) -> Model:
     """`[model]`: the load as the planner sees it. Raises ConfigError for one that cannot be."""
     try:
         return model_of(experiment.model)

@@ -18,7 +18,7 @@ from comms.records import (
     Receipts,
     Record,
     Stamp,
-    Timing,
+    TaskTiming,
 )
 
 FLUSH_EVERY_NS = 500_000_000
@@ -98,7 +98,7 @@ def _topic(record: Record) -> str:
             return f"/receipts/{record.channel}"
         case LinkRow():
             return f"/link/{record.channel}"
-        case Timing():
+        case TaskTiming():
             return f"/timing/{record.task}"
         case Event():
             return "/events"

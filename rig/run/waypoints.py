@@ -26,7 +26,7 @@ from rig.run.toml_file import nearest, read_text
 TIME, AXES = "t_s", ("x_m", "y_m", "z_m")
 COLUMNS = (TIME, *AXES)
 SAME_PLACE_M = 1e-6
-SAMPLE_S = 1e-3
+WAYPOINT_SAMPLE_S = 1e-3
 
 
 class Waypoints(NamedTuple):
@@ -116,7 +116,7 @@ def plan_through(experiment: Experiment, waypoints: Waypoints, model: Model) -> 
 
 def _peak(motion: Motion, order: int) -> float:
     """Largest size in space: that of each axis is exact, that of all together is read every millisecond."""
-    t = np.linspace(0.0, motion.duration_s, 2 + math.ceil(motion.duration_s / SAMPLE_S))
+    t = np.linspace(0.0, motion.duration_s, 2 + math.ceil(motion.duration_s / WAYPOINT_SAMPLE_S))
     alone = max(axis.peak(order).value for axis in (motion.x, motion.y, motion.z))
     return max(alone, float(np.linalg.norm(motion.at(t, order), axis=1).max()))
 

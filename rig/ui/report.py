@@ -8,7 +8,7 @@ import io
 from pathlib import Path
 from typing import Any
 
-from rig.analysis.analyze import Analysis
+from rig.analysis.analyze import RunAnalysis
 from rig.analysis.summary import QUANTITIES, Quantities, Summary
 from rig.run.runs import REPORT
 from rig.ui.plots import run as run_plots
@@ -25,7 +25,7 @@ figure { margin: 0; background: #fff; border-radius: 6px; padding: 6px } img, sv
 """
 
 
-def write(folder: Path, analysis: Analysis, twin: Analysis | None = None) -> Path:
+def write(folder: Path, analysis: RunAnalysis, twin: RunAnalysis | None = None) -> Path:
     """Write the report beside the log; twin is the loss-free run to lay beside it."""
     s = analysis.summary
     parts = [
@@ -78,7 +78,7 @@ def _quantities(s: Summary, twin: Summary | None) -> str:
     return _table(heads, rows) + f"<p class='note'>{note}</p>"
 
 
-def _picture(analysis: Analysis) -> str:
+def _picture(analysis: RunAnalysis) -> str:
     figure = run_plots.camera(analysis.run)
     if figure is None:
         return ""

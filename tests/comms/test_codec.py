@@ -18,10 +18,10 @@ from comms.frames import with_pixels
 from comms.messages import (
     AngleSample,
     Frame,
+    InvalidReason,
     JointState,
     Message,
     Phase,
-    Reason,
     Reference,
     RobotState,
     Setpoint,
@@ -47,7 +47,7 @@ ANGLE = AngleSample(
     angle_rad=0.25,
     sigma_rad=0.5,
     valid=True,
-    reason=Reason.NONE,
+    reason=InvalidReason.NONE,
     raw_rad=0.375,
     offset_rad=0.125,
     platform_m=-0.5,
@@ -215,9 +215,9 @@ def test_every_phase_has_a_code_of_its_own(phase: Phase) -> None:
     assert decode("robot_state", encode("robot_state", message, SESSION), SESSION) == message
 
 
-@pytest.mark.parametrize("reason", Reason)
+@pytest.mark.parametrize("reason", InvalidReason)
 def test_every_reason_has_a_code_of_its_own_and_an_absent_angle_stays_absent(
-    reason: Reason,
+    reason: InvalidReason,
 ) -> None:
     message = msgspec.structs.replace(
         ANGLE, angle_rad=None, sigma_rad=None, valid=False, reason=reason

@@ -19,7 +19,7 @@ from comms.errors import LogError
 from comms.link import LinkCount
 from comms.mcap_log import Log, LogWriter, json_schema, read_log
 from comms.messages import AngleSample, JointState, Reference, RobotState, Setpoint, Truth
-from comms.records import CompressedImage, Event, FrameStamp, LinkRow, Receipts, Stamp, Timing
+from comms.records import CompressedImage, Event, FrameStamp, LinkRow, Receipts, Stamp, TaskTiming
 from tests.comms.wire_words import messages
 
 START = {"seed": "7", "purpose": "swing-free, we hope: θ = 0"}
@@ -27,7 +27,7 @@ STOP = {"exit_status": "ok", "digest": "00"}
 PLAN = b"[plan]\ninput = 'zv'\n"
 RECORDS: dict[str, msgspec.Struct] = {
     "/receipts/angle": Receipts(channel="angle", rows=[(0, 5, ""), (0, 6, "duplicate")]),
-    "/timing/vision": Timing(task="vision", t_ns=3, late_ticks=1, lateness_ns=[5, 70_000]),
+    "/timing/vision": TaskTiming(task="vision", t_ns=3, late_ticks=1, lateness_ns=[5, 70_000]),
     "/link/angle": LinkRow(
         channel="angle", count=LinkCount(sent=3, delivered=2, rejected={"crc": 1}), balanced=True
     ),

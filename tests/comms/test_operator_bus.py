@@ -11,8 +11,8 @@ import zmq
 from comms.errors import PortInUse
 from comms.link import LinkCount
 from comms.messages import Command, Phase, Reply, Verb
-from comms.operator_bus import Context, Hello, OperatorBus, Record, Tapped, TaskBus, ask
-from comms.records import Event, LinkRow, Receipts, Timing
+from comms.operator_bus import Context, Hello, OperatorBus, Record, TaskBus, Telemetry, ask
+from comms.records import Event, LinkRow, Receipts, TaskTiming
 from comms.udp import free_port, port_is_free
 
 HOST = "127.0.0.1"
@@ -22,7 +22,7 @@ REPLY = Reply(
 )
 RECORDS = (
     Receipts(channel="frame", rows=[(1, 2, "duplicate")]),
-    Timing(task="vision", t_ns=1, late_ticks=2, lateness_ns=[3]),
+    TaskTiming(task="vision", t_ns=1, late_ticks=2, lateness_ns=[3]),
     LinkRow(channel="frame", count=LinkCount(sent=2, delivered=1, rejected={"crc": 1})),
     Event(t_ns=4, level="error", source="vision", text="lost"),
 )
@@ -111,11 +111,11 @@ def test_taps_arrive_in_order_once_flushed_and_pictures_at_once(
     vision.flush_taps()
     vision.flush_taps()  # nothing is left to send
     assert heard(operator, 2) == [
-        (b"", Tapped("angle", b"\0datagram", None)),
-        (b"", Tapped("frame", b"", None)),
+        (b"", Telemetry("angle", b"\0datagram", None)),
+        (b"", Telemetry("frame", b"", None)),
     ]
     vision.picture("frame", b"head", b"pixels")
-    assert heard(operator, 1) == [(b"", Tapped("frame", b"head", b"pixels"))]
+    assert heard(operator, 1) == [(b"", Telemetry("frame", b"head", b"pixels"))]
     assert (vision.dropped_taps, vision.dropped_pictures) == (0, 0)
 
 
@@ -175,7 +175,7 @@ def test_a_tap_that_is_not_one_is_passed_over(
         stranger.send_multipart(parts)
         stranger.send_multipart(good)
         pixels = good[2] if len(good) == 3 else None
-        assert heard(operator, 1) == [(b"", Tapped("angle", b"good", pixels))]
+        assert heard(operator, 1) == [(b"", Telemetry("angle", b"good", pixels))]
         stranger.close()
 
 

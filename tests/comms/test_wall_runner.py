@@ -16,10 +16,10 @@ from comms.clock import MonotonicClock, new_run_clock
 from comms.codec import Closing, decode, encode, encode_closing
 from comms.link import LinkCount, LinkFaults, LinkModel, settle
 from comms.messages import Command, Message, Phase, Reference, Reply, RobotState, Truth, Verb
-from comms.operator_bus import Context, Farewell, Hello, OperatorBus, Record, Tapped
-from comms.records import LinkRow, Receipts, Timing
+from comms.operator_bus import Context, Hello, OperatorBus, Record, StreamEnd, Telemetry
+from comms.records import LinkRow, Receipts, TaskTiming
 from comms.runner import ORPHANED, WallRunner, Wiring
-from comms.task import NOTHING, Send, Step
+from comms.task import NO_STEP, Send, Step
 from comms.udp import UdpReceiver, UdpSender, free_port
 from tests.comms.wire_words import SESSION, Gate
 
@@ -95,7 +95,7 @@ class Bench(Echo):
 
     def stop(self, t_ns: int) -> Step:
         """Nothing to say."""
-        return NOTHING
+        return NO_STEP
 
 
 def state(seq: int, t_ns: int) -> RobotState:
@@ -263,12 +263,12 @@ def test_a_task_is_admitted_ordered_answered_and_leaves_a_balanced_ledger(
         reference(0)[:-4] + b"\0\0\0\0",
     ):  # a copy, one cut, one with a wrong CRC
         references.send(data)
-    operator.hears(Tapped, PACKETS)
+    operator.hears(Telemetry, PACKETS)
     close_inputs(operator, references, PACKETS + 3)
     references.close()
     operator.order(Verb.CLOSE, 8)
     gate, got, ages_ns, closing = echoes(operator)
-    operator.hears(Farewell, 2)
+    operator.hears(StreamEnd, 2)
     assert operator.exit_code() == 0
     assert operator.task.stopped
 
@@ -300,17 +300,17 @@ def test_every_message_is_tapped_once_and_every_receipt_is_written(operator: Ope
     references = UdpSender(HOST, operator.ports["reference"])
     for seq in (0, 2, 1, 2):
         references.send(reference(seq))
-    operator.hears(Tapped, 2)
+    operator.hears(Telemetry, 2)
     close_inputs(operator, references, 4)
     references.close()
     operator.order(Verb.CLOSE, 1)
-    operator.hears(Farewell, 2)
+    operator.hears(StreamEnd, 2)
     assert operator.exit_code() == 0
-    operator.hears(Tapped, 3)
+    operator.hears(Telemetry, 3)
     taps = [
         decode(tap.channel, tap.data, SESSION)
-        for tap in operator.all(Tapped)
-        if isinstance(tap, Tapped)
+        for tap in operator.all(Telemetry)
+        if isinstance(tap, Telemetry)
     ]
     assert [tap.seq for tap in taps if isinstance(tap, RobotState)] == [
         0,
@@ -333,14 +333,14 @@ def test_no_tick_comes_early_and_the_lateness_of_each_is_told(
 ) -> None:
     operator.launch()
     operator.hears(Hello)
-    operator.hears(Timing)
+    operator.hears(TaskTiming)
     operator.order(Verb.CLOSE, 1)
-    operator.hears(Farewell, 2)
+    operator.hears(StreamEnd, 2)
     assert operator.exit_code() == 0
     told = [
         late
-        for word in operator.all(Timing)
-        if isinstance(word, Timing)
+        for word in operator.all(TaskTiming)
+        if isinstance(word, TaskTiming)
         for late in word.lateness_ns
     ]
     wakes = operator.task.wakes
@@ -353,7 +353,7 @@ def test_a_task_may_end_the_run_with_a_code_of_its_own(operator: Operator, quick
     operator.hears(Hello)
     operator.bus.heartbeat("controller")
     operator.order(Verb.ESTOP, 1)
-    operator.hears(Farewell, 2)
+    operator.hears(StreamEnd, 2)
     assert operator.exit_code() == 4
 
 
@@ -363,11 +363,13 @@ def test_the_truth_goes_to_the_operator_and_into_the_ledger(bench_operator: Oper
     operator.hears(Hello)
     operator.bus.heartbeat("bench")
     operator.order(Verb.STATUS, 1)
-    operator.hears(Tapped)
+    operator.hears(Telemetry)
     operator.order(Verb.CLOSE, 2)
-    operator.hears(Farewell, 2)
+    operator.hears(StreamEnd, 2)
     assert operator.exit_code() == 0
-    assert [tap.channel for tap in operator.all(Tapped) if isinstance(tap, Tapped)] == ["truth"]
+    assert [tap.channel for tap in operator.all(Telemetry) if isinstance(tap, Telemetry)] == [
+        "truth"
+    ]
     assert operator.rows()["truth"] == LinkCount(sent=1)
 
 

@@ -235,7 +235,7 @@ def test_a_robust_plan_has_a_double_zero_at_every_mode_it_names(model, input):
         input == "force"
     ):  # the force, from the whole's momentum: what the platform does to its own mass and to the load
         t, push = force_of(model, x)
-    for rate in modes.rates_1_s[modes.upper]:
+    for rate in modes.eigenvalues_1_s[modes.upper]:
         single = np.exp(-rate * t) @ push
         double = (t * np.exp(-rate * t)) @ push
         scale = np.abs(push).sum()
@@ -536,7 +536,7 @@ def test_a_joint_near_critical_damping_is_planned_right_or_refused(name):
 @pytest.mark.parametrize("name", BOUNDARY_VALUE)
 def test_a_filter_that_decays_like_a_mode_is_refused_by_name(name):
     model = overdamped(5.0)
-    rate = float(model.modes().rates_1_s[-1].real)
+    rate = float(model.modes().eigenvalues_1_s[-1].real)
     with pytest.raises(
         PlanError, match=r"lag_s = .* is the decay time of an overdamped mode; must differ by 1e-06"
     ):

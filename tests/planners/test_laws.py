@@ -79,12 +79,12 @@ def square_integral(law, order):
     """By adaptive quadrature, piece by piece."""
     return sum(
         quad(
-            lambda t: float(piece.at(np.array(t), order)) ** 2,
+            lambda t: float(piece.at(np.array(t), order)) ** 2,  # noqa: B023
             0.0,
             piece.duration_s,
             epsabs=1e-13,
             epsrel=1e-12,
-        )[0]  # noqa: B023
+        )[0]
         for piece in law.pieces
     )
 

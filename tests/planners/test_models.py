@@ -221,7 +221,7 @@ def test_the_damping_ratio_is_that_of_every_mode(model, zeta):
     np.testing.assert_allclose(
         damped.modes().natural_frequencies_hz, free.modes().natural_frequencies_hz, rtol=1e-7
     )
-    assert not free.modes().rates_1_s.real.any()
+    assert not free.modes().eigenvalues_1_s.real.any()
 
 
 @pytest.mark.parametrize("zeta", [0.0, 0.03, 0.7])
@@ -269,16 +269,18 @@ def test_the_modes_take_the_swing_apart(model, cart, zeta):
     model = model.with_parameter("damping_ratio", zeta)
     modes, (a, b) = model.modes(cart), model.equations.swing(cart)
     size = len(a)
-    condition = np.linalg.cond(modes.shapes)
-    tolerance = 1e-13 * condition * np.abs(modes.rates_1_s).max()
-    np.testing.assert_allclose(modes.filters @ modes.shapes, np.eye(size), atol=1e-12 * condition)
+    condition = np.linalg.cond(modes.mode_shapes)
+    tolerance = 1e-13 * condition * np.abs(modes.eigenvalues_1_s).max()
     np.testing.assert_allclose(
-        modes.shapes @ (modes.rates_1_s[:, None] * modes.filters),
+        modes.left_eigenvectors @ modes.mode_shapes, np.eye(size), atol=1e-12 * condition
+    )
+    np.testing.assert_allclose(
+        modes.mode_shapes @ (modes.eigenvalues_1_s[:, None] * modes.left_eigenvectors),
         a,
         atol=tolerance * np.abs(a).max(),
     )
     heard = modes.gains > 1e-9
-    np.testing.assert_allclose((modes.filters @ b)[heard], 1.0, atol=1e-9)
+    np.testing.assert_allclose((modes.left_eigenvectors @ b)[heard], 1.0, atol=1e-9)
     assert np.all((modes.gains >= 0.0) & (modes.gains <= 1.0 + 1e-12))
     assert np.all(np.diff(modes.natural_frequencies_hz) >= -1e-9)
 
@@ -300,8 +302,8 @@ def test_no_free_swing_exceeds_its_amplitude(data, model):
     )
     n, modes = model.links_count, bare.modes()
     t = np.linspace(0.0, 20.0, 2001)
-    waves = np.exp(np.outer(t, modes.rates_1_s)) * (modes.filters @ x)
-    angles = (waves @ modes.shapes.T).real[:, :n]
+    waves = np.exp(np.outer(t, modes.eigenvalues_1_s)) * (modes.left_eigenvectors @ x)
+    angles = (waves @ modes.mode_shapes.T).real[:, :n]
     bound = bare.amplitude_rad(x[:n], x[n:])
     assert np.abs(angles).max() <= bound * (1.0 + 1e-9) + 1e-12
     if n == 1:

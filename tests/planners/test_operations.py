@@ -25,7 +25,7 @@ from planners.trajectories.operations import (
     translated,
     within_limits,
 )
-from planners.trajectories.pieces import ExpPolynomial, Mode, Smooth, polynomial
+from planners.trajectories.pieces import ExpPolynomial, ModalTerm, Smooth, polynomial
 from planners.trajectories.trajectory import Trajectory
 
 DAMPED = Trajectory(
@@ -33,7 +33,7 @@ DAMPED = Trajectory(
         ExpPolynomial(
             1.7,
             (0.3, -0.2, 0.05),
-            (Mode(-0.4 + 9.0j, (0.2 - 0.1j, 0.05j)), Mode(1.3 + 0j, (0.02 + 0j,))),
+            (ModalTerm(-0.4 + 9.0j, (0.2 - 0.1j, 0.05j)), ModalTerm(1.3 + 0j, (0.02 + 0j,))),
         ),
     )
 )

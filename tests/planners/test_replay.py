@@ -14,7 +14,7 @@ from planners.models.chain import ChainModel, Link, parse_links
 from planners.models.pendulum import PendulumModel
 from planners.replay import Swing, _momenta, replay
 from planners.replay.several_links import play_several_links
-from planners.trajectories.pieces import ExpPolynomial, Mode, Smooth, polynomial
+from planners.trajectories.pieces import ExpPolynomial, ModalTerm, Smooth, polynomial
 from planners.trajectories.trajectory import Trajectory
 from tests.planners.lagrangian import CartAndChain
 
@@ -64,7 +64,9 @@ def general(model, trajectory, angles=None):
 
 
 WAVE = ExpPolynomial(
-    1.0, (0.0, 0.1), (Mode(complex(-0.5, 9.0), (0.03 + 0.01j,)), Mode(-40.0 + 0j, (0.01 + 0j,)))
+    1.0,
+    (0.0, 0.1),
+    (ModalTerm(complex(-0.5, 9.0), (0.03 + 0.01j,)), ModalTerm(-40.0 + 0j, (0.01 + 0j,))),
 )
 RAMP = Smooth(0.8, lambda t, order: 0.1 * (np.tanh(4 * t - 1.5), 4 / np.cosh(4 * t - 1.5) ** 2)[order] if order < 2
               else -3.2 * np.tanh(4 * t - 1.5) / np.cosh(4 * t - 1.5) ** 2, 2)  # fmt: skip

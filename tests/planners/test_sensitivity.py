@@ -664,8 +664,10 @@ def test_peaks_are_those_of_a_hundred_thousand_samples(window, length):
     move = planned("simple", 1.5, BARS)
     real = BARS.with_parameter("length_2", length)
     modes, start = real.modes(), np.concatenate(swing_after(real, move))
-    turns = np.exp(np.outer(modes.rates_1_s, np.linspace(0.0, window, 100_001)))
-    dense = np.abs(((modes.shapes * (modes.filters @ start)) @ turns).real)[:2].max(axis=1)
+    turns = np.exp(np.outer(modes.eigenvalues_1_s, np.linspace(0.0, window, 100_001)))
+    dense = np.abs(((modes.mode_shapes * (modes.left_eigenvectors @ start)) @ turns).real)[:2].max(
+        axis=1
+    )
     ours = residual_peaks(BARS, move, "length_2", (length,), window_s=window)[0]
     assert ours == pytest.approx(dense, rel=2e-6, abs=1e-12)
 
@@ -787,7 +789,7 @@ def test_a_window_that_is_none_is_refused():
 @pytest.fixture(scope="module")
 def document():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(curves, "POINTS", 3)
+        patch.setattr(curves, "CURVE_POINTS", 3)
         return curves.sensitivity_document()
 
 

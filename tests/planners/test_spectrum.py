@@ -25,7 +25,7 @@ from planners.spectra.periodic import harmonics
 from planners.spectra.spectrum import spectrum, spectrum_by_cycles, transform
 from planners.spectra.swing_free import swing_free_cycles, swing_free_durations_s
 from planners.trajectories.driven import driven
-from planners.trajectories.pieces import ExpPolynomial, Mode, Smooth, polynomial
+from planners.trajectories.pieces import ExpPolynomial, ModalTerm, Smooth, polynomial
 from planners.trajectories.trajectory import Trajectory
 
 DATA = tomllib.loads((Path(__file__).parents[1] / "data" / "spectra.toml").read_text())
@@ -35,7 +35,7 @@ numbers = st.floats(-2, 2)
 polynomials = st.builds(polynomial, st.floats(0.2, 2.0), st.lists(numbers, min_size=1, max_size=7))
 waves = st.lists(
     st.builds(
-        lambda s, w, a: Mode(complex(s, w), (a + 0.3j,)),
+        lambda s, w, a: ModalTerm(complex(s, w), (a + 0.3j,)),
         st.floats(-2, 1),
         st.floats(0.1, 30),
         numbers,
@@ -170,7 +170,7 @@ def test_played_faster_a_motion_has_its_spectrum_stretched_and_raised(pieces, fa
             ExpPolynomial(
                 p.duration_s / faster,
                 tuple(c * faster**k for k, c in enumerate(p.coefficients)),
-                tuple(Mode(m.rate_1_s * faster, m.coefficients) for m in p.modes),
+                tuple(ModalTerm(m.rate_1_s * faster, m.coefficients) for m in p.modes),
             )
             for p in pieces
         )
@@ -240,7 +240,7 @@ def test_enough_harmonics_add_up_to_the_acceleration_pauses_included():
 
 
 def test_a_motion_that_goes_on_with_the_speed_it_began_with_has_no_impulse_at_its_period():
-    turn = Trajectory((ExpPolynomial(1.0, (0.0, 2.0), (Mode(2j * math.pi, (0.1 + 0j,)),)),))
+    turn = Trajectory((ExpPolynomial(1.0, (0.0, 2.0), (ModalTerm(2j * math.pi, (0.1 + 0j,)),)),))
     found = harmonics(turn, 3)
     np.testing.assert_allclose(
         found.amplitudes_m_s2, [0.0, 0.1 * 4 * math.pi**2, 0.0, 0.0], atol=1e-13
@@ -455,7 +455,7 @@ def test_a_smooth_motion_is_answered_like_the_closed_form_it_copies():
 def test_at_and_near_resonance_nothing_is_lost(slip):
     """z'' + 100 z = -cos(w t): z = (cos(w t) - cos(10 t)) / (w^2 - 100), t sin(10 t) / 20 at w = 10, written with a sinc."""
     w, t = 10.0 + slip, np.linspace(0.0, 3.0, 61)
-    shaken = Trajectory((ExpPolynomial(3.0, (0.0,), (Mode(1j * w, (-1.0 / w**2 + 0j,)),)),))
+    shaken = Trajectory((ExpPolynomial(3.0, (0.0,), (ModalTerm(1j * w, (-1.0 / w**2 + 0j,)),)),))
     load = MassChain(masses_kg=(1.0,), stiffnesses_n_m=(100.0,)).modal
     (z,) = response(load, shaken)
     exact = -t * np.sinc(slip * t / 2 / math.pi) * np.sin((10.0 + w) / 2 * t) / (10.0 + w)
@@ -496,7 +496,7 @@ def test_natural_frequencies_of_equal_masses_are_the_textbook_s():
     k = np.arange(1, n + 1)
     expected = 2 * math.sqrt(250.0 / 0.4) * np.sin((2 * k - 1) * math.pi / (2 * (2 * n + 1)))
     np.testing.assert_allclose(chain.natural_frequencies_rad_s, expected, rtol=1e-12)
-    np.testing.assert_allclose(chain.modal.rates_1_s, 1j * expected, rtol=1e-12, atol=1e-11)
+    np.testing.assert_allclose(chain.modal.eigenvalues_1_s, 1j * expected, rtol=1e-12, atol=1e-11)
 
 
 def test_chains_that_are_none_are_refused():

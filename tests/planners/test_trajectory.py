@@ -14,12 +14,14 @@ from planners.errors import PlanError
 from planners.laws.harmonic import harmonic
 from planners.trajectories.cells import exponential_integral
 from planners.trajectories.motion import Motion
-from planners.trajectories.pieces import ExpPolynomial, Mode, Smooth, add, polynomial
+from planners.trajectories.pieces import ExpPolynomial, ModalTerm, Smooth, add, polynomial
 from planners.trajectories.trajectory import Trajectory
 
 QUINTIC = polynomial(1.0, (0.0, 0.0, 0.0, 10.0, -15.0, 6.0))
 DAMPED = ExpPolynomial(
-    1.7, (0.3, -0.2, 0.05), (Mode(-0.4 + 9.0j, (0.2 - 0.1j, 0.05j)), Mode(1.3 + 0j, (0.02 + 0j,)))
+    1.7,
+    (0.3, -0.2, 0.05),
+    (ModalTerm(-0.4 + 9.0j, (0.2 - 0.1j, 0.05j)), ModalTerm(1.3 + 0j, (0.02 + 0j,))),
 )
 rates = st.builds(complex, st.floats(-3, 3), st.floats(0, 40))
 numbers = st.floats(-2, 2)
@@ -28,7 +30,8 @@ pieces = st.builds(
     st.floats(0.1, 3.0),
     st.tuples(numbers, numbers, numbers, numbers),
     st.lists(
-        st.builds(lambda r, a, b: Mode(r, (complex(a, b),)), rates, numbers, numbers), max_size=3
+        st.builds(lambda r, a, b: ModalTerm(r, (complex(a, b),)), rates, numbers, numbers),
+        max_size=3,
     ).map(tuple),
 )
 
@@ -125,7 +128,7 @@ def test_a_high_degree_hides_no_extreme():
 def test_instants_of_peaks_are_polished():
     decay, w = 0.3, 50.0
     move = Trajectory(
-        (ExpPolynomial(5.0, (0.0,), (Mode(complex(-decay, w), (-1j,)),)),)
+        (ExpPolynomial(5.0, (0.0,), (ModalTerm(complex(-decay, w), (-1j,)),)),)
     )  # exp(-0.3 t) sin(50 t)
     first = math.atan2(w, decay) / w
     assert move.peak().t_s == pytest.approx(first, abs=1e-12)
@@ -149,7 +152,10 @@ def test_a_stiff_lag_is_resolved():
             ExpPolynomial(
                 2.0,
                 (0.0,),
-                (Mode(complex(-1 / tau), (1.0 + 0j,)), Mode(complex(1 / tau), (1e-55 + 0j,))),
+                (
+                    ModalTerm(complex(-1 / tau), (1.0 + 0j,)),
+                    ModalTerm(complex(1 / tau), (1e-55 + 0j,)),
+                ),
             ),
         )
     )

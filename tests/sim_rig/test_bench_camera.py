@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from sim_rig.camera import CableLine, Pinhole
-from sim_rig.params import BenchParams, Camera, Pendulum, View
+from sim_rig.params import BenchParams, CameraParams, PendulumParams, View
 from sim_rig.renderer import BACKGROUNDS, Renderer
 from sim_rig.synthetic import swinging_video
 
-CLEAN = Camera(noise=0.0)
+CLEAN = CameraParams(noise=0.0)
 VIEW = View()
 EXPOSURE_S = 0.01
 Motion = Callable[[float], CableLine]
@@ -29,7 +29,7 @@ def columns(line: CableLine | None, rows: NDArray[np.float64]) -> NDArray[np.flo
 
 
 def projected(
-    camera: Camera, position_m: tuple[float, float, float], angle_rad: float, below_m: float
+    camera: CameraParams, position_m: tuple[float, float, float], angle_rad: float, below_m: float
 ) -> NDArray[np.float64]:
     """Pixel (column, row) of the point below_m along the cable, by OpenCV's projection. OpenCV: x right, y down, z ahead."""
     x, y, z = position_m
@@ -56,7 +56,7 @@ def projected(
 def test_the_cable_lies_where_projective_geometry_puts_it(
     pitch_deg: float, position_m: tuple[float, float, float], angle_rad: float
 ) -> None:
-    camera = Camera(pitch_deg=pitch_deg, distance_m=1.4, pixels_per_m=700.0)
+    camera = CameraParams(pitch_deg=pitch_deg, distance_m=1.4, pixels_per_m=700.0)
     line = Pinhole(camera, VIEW, (0.0, 0.0, 0.0)).line(position_m, angle_rad)
     assert line is not None
     for below_m in (0.0, 0.2, 0.9):
@@ -68,12 +68,12 @@ def test_the_cable_lies_where_projective_geometry_puts_it(
 
 
 def test_a_level_camera_sees_the_pivot_at_home_40_px_above_the_middle_of_the_top_row() -> None:
-    line = Pinhole(Camera(pitch_deg=0.0), VIEW, (0.3, 0.0, 0.1)).line((0.3, 0.0, 0.1), 0.0)
+    line = Pinhole(CameraParams(pitch_deg=0.0), VIEW, (0.3, 0.0, 0.1)).line((0.3, 0.0, 0.1), 0.0)
     assert line == pytest.approx((320.0, 0.0, -40.0), abs=1e-9)
 
 
 def test_a_degree_of_pitch_tilts_a_hanging_cable_by_3_5_mrad_at_0_2_m() -> None:
-    line = Pinhole(Camera(pitch_deg=1.0), VIEW, (0.0, 0.0, 0.0)).line((0.2, 0.0, 0.0), 0.0)
+    line = Pinhole(CameraParams(pitch_deg=1.0), VIEW, (0.0, 0.0, 0.0)).line((0.2, 0.0, 0.0), 0.0)
     assert line is not None
     assert math.atan(line.slope) == pytest.approx(-3.5e-3, abs=0.02e-3)
 
@@ -173,7 +173,7 @@ def test_a_fitted_line_finds_the_slope_of_the_cable_again(angle_rad: float) -> N
 def test_noisy_pictures_of_a_nearly_upright_cable_reach_the_cramer_rao_bound_without_bias() -> None:
     """Where 8-bit rounding alone would bend the fit by 0.02 mrad, for every row has the same sub-pixel phase."""
     noise = 2.5
-    renderer = Renderer(Camera(noise=noise), VIEW, 5)
+    renderer = Renderer(CameraParams(noise=noise), VIEW, 5)
     s, w = math.sqrt(CLEAN.psf_px**2 + 1.0 / 12.0), CLEAN.cable_width_px
     information = (
         CLEAN.contrast**2
@@ -204,7 +204,7 @@ def test_an_exposure_blurs_about_the_mean_position_of_the_cable() -> None:
 
 @pytest.mark.parametrize("column_px", [-3000.0, -12.0, 652.0, 9000.0])
 def test_a_cable_beside_the_picture_leaves_it_empty(column_px: float) -> None:
-    renderer = Renderer(Camera(), VIEW, 0)
+    renderer = Renderer(CameraParams(), VIEW, 0)
     line = CableLine(column_px, 0.0, -40.0)
     np.testing.assert_array_equal(
         renderer.picture(3, line, line, line), renderer.picture(3, None, None, None)
@@ -231,7 +231,7 @@ def test_the_cable_begins_at_its_pivot(pivot_row_px: float, first: int) -> None:
 
 def test_a_dark_cable_on_a_dim_screen_stays_black() -> None:
     line = CableLine(300.0, 0.1, -40.0)
-    picture = Renderer(Camera(background=60.0, contrast=255.0), VIEW, 0).picture(
+    picture = Renderer(CameraParams(background=60.0, contrast=255.0), VIEW, 0).picture(
         0, line, line, line
     )
     assert picture[:, 250:400].min() == 0
@@ -240,14 +240,14 @@ def test_a_dark_cable_on_a_dim_screen_stays_black() -> None:
 
 def test_equal_seeds_give_equal_pictures_and_others_do_not() -> None:
     first, again, other = (
-        Renderer(Camera(), VIEW, seed).picture(2, None, None, None) for seed in (7, 7, 8)
+        Renderer(CameraParams(), VIEW, seed).picture(2, None, None, None) for seed in (7, 7, 8)
     )
     np.testing.assert_array_equal(first, again)
     assert (first != other).mean() > 0.5
 
 
 def test_screens_carry_the_noise_asked_for_and_take_turns() -> None:
-    renderer = Renderer(Camera(noise=3.0), VIEW, 0)
+    renderer = Renderer(CameraParams(noise=3.0), VIEW, 0)
     screens = [renderer.picture(k, None, None, None) for k in range(BACKGROUNDS + 1)]
     assert np.mean(screens[0]) == pytest.approx(200.0, abs=0.05)
     assert np.std(screens[0]) == pytest.approx(math.sqrt(9.0 + 1.0 / 12.0), rel=0.01)
@@ -256,7 +256,7 @@ def test_screens_carry_the_noise_asked_for_and_take_turns() -> None:
 
 
 def test_a_picture_belongs_to_its_receiver() -> None:
-    renderer = Renderer(Camera(), VIEW, 0)
+    renderer = Renderer(CameraParams(), VIEW, 0)
     line = CableLine(300.0, 0.1, -40.0)
     mine = renderer.picture(0, line, line, line)
     before = mine.copy()
@@ -265,8 +265,8 @@ def test_a_picture_belongs_to_its_receiver() -> None:
 
 
 def test_video_shows_the_swing_in_the_red_plane_alone_and_says_when() -> None:
-    pendulum = Pendulum(initial_swing_rad=0.01, damping_ratio=0.0)
-    params = BenchParams(pendulum=pendulum, camera=Camera(noise=0.0, pitch_deg=0.0), seed=1)
+    pendulum = PendulumParams(initial_swing_rad=0.01, damping_ratio=0.0)
+    params = BenchParams(pendulum=pendulum, camera=CameraParams(noise=0.0, pitch_deg=0.0), seed=1)
     frames = list(swinging_video(params, 0.5))
     assert [frame.number for frame in frames] == list(range(25))
     for frame in frames[::6]:

@@ -16,19 +16,19 @@ from sim_rig import params
 from sim_rig.bench import Bench
 from sim_rig.params import BenchParams
 from sim_rig.pendulum import Pendulum
-from sim_rig.robot import Loop
+from sim_rig.robot import ServoLoop
 
 MS = 1_000_000
-ROBOT = params.Robot()
+ROBOT = params.RobotParams()
 
 
 def bench(**pendulum: float) -> Bench:
-    return Bench(BenchParams(pendulum=params.Pendulum(**pendulum)))
+    return Bench(BenchParams(pendulum=params.PendulumParams(**pendulum)))
 
 
 @pytest.mark.parametrize("damping", [0.3, 0.9, 1.0, 2.0])
 def test_the_servo_passes_half_the_power_at_its_bandwidth(damping: float) -> None:
-    loop = Loop(params.Robot(bandwidth_hz=7.0, damping=damping))
+    loop = ServoLoop(params.RobotParams(bandwidth_hz=7.0, damping=damping))
     wn = loop.natural_rad_s
     _, response = signal.freqs([wn**2], [1.0, 2.0 * damping * wn, wn**2], [2.0 * math.pi * 7.0])
     assert abs(response[0]) ** 2 == pytest.approx(0.5, rel=1e-12)
@@ -36,8 +36,8 @@ def test_the_servo_passes_half_the_power_at_its_bandwidth(damping: float) -> Non
 
 @pytest.mark.parametrize("damping", [0.3, 0.9, 1.0, 2.0])
 def test_the_platform_answers_a_step_like_the_transfer_function(damping: float) -> None:
-    robot = params.Robot(bandwidth_hz=7.0, damping=damping)
-    wn = Loop(robot).natural_rad_s
+    robot = params.RobotParams(bandwidth_hz=7.0, damping=damping)
+    wn = ServoLoop(robot).natural_rad_s
     t_s = np.arange(1, 401) * 1e-3
     _, expected = signal.step(
         ([wn**2], [1.0, 2.0 * damping * wn, wn**2]), T=np.concatenate([[0.0], t_s])
@@ -100,7 +100,7 @@ def reference_angle(
     setpoints: list[tuple[float, tuple[float, float, float]]], end_s: float, swing_rad: float
 ) -> list[float]:
     """(theta, theta') by DOP853 from the accelerations of the pivot, one solution between each two setpoints."""
-    wn, zeta, length, g, drag = Loop(ROBOT).natural_rad_s, ROBOT.damping, 0.8, 9.81, 0.01
+    wn, zeta, length, g, drag = ServoLoop(ROBOT).natural_rad_s, ROBOT.damping, 0.8, 9.81, 0.01
     y = np.array([0.0, 0.0, 0.0, 0.0, swing_rad, 0.0])  # x, x', z, z', theta, theta'
     for (t0, (aim_x, _, aim_z)), (t1, _) in zip(
         setpoints, [*setpoints[1:], (end_s, (0.0, 0.0, 0.0))], strict=True
@@ -142,8 +142,8 @@ def test_a_load_on_a_jerky_platform_follows_an_independent_integrator(spacing_ns
 def test_a_pivot_in_uniform_motion_is_as_good_as_one_at_rest(
     vx: float, vz: float, swing: float
 ) -> None:
-    resting = Pendulum(params.Pendulum(initial_swing_rad=swing, damping_ratio=0.03))
-    carried = Pendulum(params.Pendulum(initial_swing_rad=swing, damping_ratio=0.03))
+    resting = Pendulum(params.PendulumParams(initial_swing_rad=swing, damping_ratio=0.03))
+    carried = Pendulum(params.PendulumParams(initial_swing_rad=swing, damping_ratio=0.03))
     resting.hang(1e-3, 700)
     carried.carry(1e-3, [vx] * 1401, [vz] * 1401)
     assert carried.angle_rad == pytest.approx(resting.angle_rad, abs=1e-8)

@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 from comms.messages import Command, Frame, JointState, Message, Phase, Reply, Setpoint, Truth, Verb
 from comms.task import Send, Step, Task
 from sim_rig.bench import Bench
-from sim_rig.params import BenchParams, Camera, Pendulum, View
+from sim_rig.params import BenchParams, CameraParams, PendulumParams, View
 from sim_rig.task import CATCH_UP_NS, BenchTask
 
 MS = 1_000_000
 SMALL = View(width=64, height=48)
-SWINGING = BenchParams(pendulum=Pendulum(initial_swing_rad=0.2), view=SMALL)
-BLIND = BenchParams(pendulum=Pendulum(initial_swing_rad=0.2), view=View(rate_hz=0.0))
+SWINGING = BenchParams(pendulum=PendulumParams(initial_swing_rad=0.2), view=SMALL)
+BLIND = BenchParams(pendulum=PendulumParams(initial_swing_rad=0.2), view=View(rate_hz=0.0))
 
 
 def setpoint(seq: int, t_ns: int, x_m: float) -> Setpoint:
@@ -69,7 +69,7 @@ def test_every_channel_keeps_its_own_grid() -> None:
 
 
 def test_waking_when_asked_serves_everything_on_its_instant() -> None:
-    task = BenchTask(BenchParams(view=SMALL, camera=Camera(exposure_ms=3.0)))
+    task = BenchTask(BenchParams(view=SMALL, camera=CameraParams(exposure_ms=3.0)))
     step, late = task.start(0), []
     for _ in range(100):
         assert step.wake_ns is not None
@@ -209,7 +209,8 @@ def test_a_load_is_released_at_the_start_and_stamps_stay_on_the_run_clock() -> N
 
 def test_the_picture_shows_the_platform_and_the_angle_of_mid_exposure() -> None:
     params = BenchParams(
-        pendulum=Pendulum(initial_swing_rad=0.1), camera=Camera(noise=0.0, pitch_deg=0.0)
+        pendulum=PendulumParams(initial_swing_rad=0.1),
+        camera=CameraParams(noise=0.0, pitch_deg=0.0),
     )
     sends = run(BenchTask(params), range(5 * MS, 300 * MS, 5 * MS), [(50 * MS, 0.1)])
     for frame in messages(sends, "frame")[1:]:

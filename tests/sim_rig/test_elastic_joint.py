@@ -21,7 +21,7 @@ from rig.errors import ConfigError
 from rig.studies.servo import bench
 from sim_rig.crossing import first_below, value
 from sim_rig.elastic_joint import ElasticJoint, JointTruth
-from sim_rig.joint_params import Joint, Pulse
+from sim_rig.joint_params import DisturbancePulse, Joint
 
 DATA = tomllib.loads((Path(__file__).parents[1] / "data" / "elastic_joint.toml").read_text())
 SAMPLE_S = 1e-3
@@ -102,7 +102,7 @@ def test_a_free_joint_swings_at_its_resonance_and_slows_at_its_real_pole(name):
 
 @pytest.mark.parametrize("name", ["printed", "fitted"])
 def test_a_load_swings_at_the_antiresonance_while_friction_holds_the_motor(name):
-    modes, kick = DATA[f"{name}_modes"], (Pulse(start_s=0.0, end_s=2e-3, load_n_m=50.0),)
+    modes, kick = DATA[f"{name}_modes"], (DisturbancePulse(start_s=0.0, end_s=2e-3, load_n_m=50.0),)
     joint = ElasticJoint(Joint(**DATA[name], coulomb_torque_n_m=1.0, disturbances=kick))
     run(joint, [0.0, 0.0])
     truths = run(joint, [0.0] * 30, 4e-3)
@@ -265,8 +265,8 @@ def events_by_scipy(params: Joint, torques_n_m: Array, step_s: float) -> tuple[A
 
 
 PUSHES = (
-    Pulse(start_s=0.0312, end_s=0.1, motor_n_m=0.1, load_n_m=-3.0),
-    Pulse(start_s=0.05, end_s=0.2, load_n_m=8.0),
+    DisturbancePulse(start_s=0.0312, end_s=0.1, motor_n_m=0.1, load_n_m=-3.0),
+    DisturbancePulse(start_s=0.05, end_s=0.2, load_n_m=8.0),
 )
 
 
@@ -428,7 +428,7 @@ def test_a_motor_left_alone_slides_to_rest_and_stays_while_the_load_still_swings
 
 def test_a_load_pushed_by_half_of_ratio_times_friction_turns_the_motor_for_the_spring_swings_to_twice_that():
     def moved(load_n_m):
-        pulse = (Pulse(start_s=0.0, end_s=10.0, load_n_m=load_n_m),)
+        pulse = (DisturbancePulse(start_s=0.0, end_s=10.0, load_n_m=load_n_m),)
         undamped = Joint(coulomb_torque_n_m=0.1, elastic_damping_n_m_s_rad=0.0, disturbances=pulse)
         return run(ElasticJoint(undamped), [0.0] * 50)[-1].motor_angle_rad
 
@@ -522,7 +522,7 @@ def test_the_drive_clips_the_command():
 
 def test_a_pulse_on_the_motor_is_a_command_between_its_edges():
     disturbed = ElasticJoint(
-        Joint(disturbances=(Pulse(start_s=0.0013, end_s=0.0047, motor_n_m=0.4),))
+        Joint(disturbances=(DisturbancePulse(start_s=0.0013, end_s=0.0047, motor_n_m=0.4),))
     )
     commanded = ElasticJoint(Joint())
     run(disturbed, [0.1] * 8)
@@ -535,8 +535,8 @@ def test_pulses_that_overlap_add_up_and_are_over_when_they_end():
     joint = ElasticJoint(
         Joint(
             disturbances=(
-                Pulse(start_s=0.0, end_s=0.3, load_n_m=5.4),
-                Pulse(start_s=0.1, end_s=0.2, load_n_m=2.7),
+                DisturbancePulse(start_s=0.0, end_s=0.3, load_n_m=5.4),
+                DisturbancePulse(start_s=0.1, end_s=0.2, load_n_m=2.7),
             )
         )
     )
@@ -624,7 +624,9 @@ def test_a_stiff_joint_moves_as_one_body():
 
 
 def test_a_sample_of_no_time_moves_nothing():
-    joint = ElasticJoint(Joint(disturbances=(Pulse(start_s=0.0, end_s=1.0, motor_n_m=1.0),)))
+    joint = ElasticJoint(
+        Joint(disturbances=(DisturbancePulse(start_s=0.0, end_s=1.0, motor_n_m=1.0),))
+    )
     run(joint, [0.5] * 3)
     before = joint.truth()
     joint.advance(-0.7, 0.0)
@@ -735,7 +737,7 @@ def test_parameters_that_do_not_go_together_are_told(changes, message):
 )
 def test_a_pulse_that_cannot_be_is_refused(changes, message):
     with pytest.raises(ValueError, match=message):
-        Pulse(**changes)
+        DisturbancePulse(**changes)
 
 
 def test_the_door_builds_the_joint_of_a_file_s_table():
@@ -743,7 +745,7 @@ def test_the_door_builds_the_joint_of_a_file_s_table():
         {"gear_ratio": 50, "disturbances": [{"start_s": 0, "end_s": 1, "load_n_m": 2}]}, 3
     )
     assert joint.params == Joint(
-        gear_ratio=50.0, disturbances=(Pulse(start_s=0.0, end_s=1.0, load_n_m=2.0),)
+        gear_ratio=50.0, disturbances=(DisturbancePulse(start_s=0.0, end_s=1.0, load_n_m=2.0),)
     )
 
 

@@ -11,9 +11,9 @@ import pytest
 
 from tests.vision.rendered_cable import HEIGHT, PIVOT_PX, WIDTH, Camera, Floats, Grey, Scene, stripe
 from vision.errors import VisionError
-from vision.line_fit import Line, RowOffsets, coarse_line, huber_line, row_offsets
+from vision.line_fit import ImageLine, RowOffsets, coarse_line, huber_line, row_offsets
 from vision.ridge import search
-from vision.tracker import Fit, Reason, Tracker
+from vision.tracker import Fit, Tracker, TrackFailure
 
 MRAD = 1e-3
 WRONG_RAD = 5 * MRAD
@@ -111,9 +111,9 @@ def test_rows_that_lie_elsewhere_hardly_change_the_line_and_its_sigma() -> None:
     rng, v = np.random.default_rng(3), np.arange(480.0)
     offset = 0.1 + 2e-4 * v + 0.03 * rng.standard_normal(480)
     stiffness = np.full(480, 50.0)
-    clean = huber_line(v, RowOffsets(offset, stiffness), Line(300.0, 0.1))
+    clean = huber_line(v, RowOffsets(offset, stiffness), ImageLine(300.0, 0.1))
     offset[400:440] += 0.5
-    fit = huber_line(v, RowOffsets(offset, stiffness), Line(300.0, 0.1))
+    fit = huber_line(v, RowOffsets(offset, stiffness), ImageLine(300.0, 0.1))
     assert fit.line.at(240.0) == pytest.approx(300.1 + 0.1002 * 240.0, abs=0.02)
     assert fit.line.slope == pytest.approx(clean.line.slope, abs=1.2e-4)  # least squares: 3.9e-4
     assert fit.sigma_slope == pytest.approx(clean.sigma_slope, rel=0.3)  # with those rows: 4 times
@@ -222,7 +222,7 @@ def test_a_pivot_predicted_3_px_off_costs_nothing_and_is_told(
 
 def test_a_pivot_predicted_8_px_off_is_refused_with_its_miss(camera: Camera) -> None:
     fit = cold(camera.expose(Scene(angle_rad=0.05).light()), (PIVOT_PX[0] - 8.0, PIVOT_PX[1]))
-    assert fit.reason is Reason.PIVOT_MISSED
+    assert fit.reason is TrackFailure.PIVOT_MISSED
     assert fit.angle_rad is None
     assert fit.pivot_miss_px == pytest.approx(8.0, abs=0.1)
 
@@ -344,19 +344,19 @@ def test_a_picture_without_a_cable_is_refused(camera: Camera, change: Change) ->
 
 def test_a_second_line_through_the_pivot_is_ambiguous(camera: Camera) -> None:
     light = Scene(angle_rad=0.1).light() - 165.0 * stripe(-0.1, PIVOT_PX, 2.5, 0.8)
-    assert cold(camera.expose(light)).reason is Reason.AMBIGUOUS
+    assert cold(camera.expose(light)).reason is TrackFailure.AMBIGUOUS
 
 
 def test_a_cable_seen_on_a_tenth_of_the_rows_is_too_short(camera: Camera) -> None:
     light = Scene(angle_rad=0.05).light()
     light[48:] = 210.0
-    assert cold(camera.expose(light)).reason is Reason.FEW_ROWS
+    assert cold(camera.expose(light)).reason is TrackFailure.FEW_ROWS
 
 
 @pytest.mark.parametrize("grey", [0, 255])
 def test_a_picture_of_one_grey_is_a_bad_image(grey: int) -> None:
     fit = cold(np.full((HEIGHT, WIDTH), grey, np.uint8))
-    assert fit.reason is Reason.BAD_IMAGE
+    assert fit.reason is TrackFailure.BAD_IMAGE
     assert fit.background == grey
     assert fit.saturation == (grey == 255)
 
@@ -365,7 +365,7 @@ def test_a_picture_of_one_grey_is_a_bad_image(grey: int) -> None:
     "image", [np.zeros((HEIGHT, WIDTH - 1), np.uint8), np.zeros((HEIGHT, WIDTH), np.uint16)]
 )
 def test_a_picture_of_another_size_or_type_is_a_bad_image(image: Grey) -> None:
-    assert cold(image).reason is Reason.BAD_IMAGE
+    assert cold(image).reason is TrackFailure.BAD_IMAGE
 
 
 def test_no_picture_makes_the_tracker_raise() -> None:

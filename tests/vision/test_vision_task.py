@@ -13,8 +13,17 @@ import msgspec
 import numpy as np
 import pytest
 
-from comms.messages import AngleSample, Command, Frame, Phase, Reason, Reply, RobotState, Verb
-from comms.task import NOTHING, Step
+from comms.messages import (
+    AngleSample,
+    Command,
+    Frame,
+    InvalidReason,
+    Phase,
+    Reply,
+    RobotState,
+    Verb,
+)
+from comms.task import NO_STEP, Step
 from tests.vision.rendered_cable import HEIGHT, PIVOT_PX, WIDTH, Camera, Grey, Scene
 from vision import tracker
 from vision.errors import VisionError
@@ -42,7 +51,7 @@ def camera() -> Camera:
 
 def task(**changed: Any) -> VisionTask:
     vision = VisionTask(VisionSettings(**(SETTINGS | changed)))
-    assert vision.start(0) == NOTHING
+    assert vision.start(0) == NO_STEP
     return vision
 
 
@@ -98,7 +107,7 @@ def test_an_angle_leaves_after_the_processing_time_and_is_stamped_at_mid_exposur
     vision.on_message("platform", platform(100 * MS, 0.05), 102 * MS)
     sample = look(vision, cable_at(camera, 0.1, 0.05), 100 * MS)
     assert sample.valid
-    assert sample.reason is Reason.NONE
+    assert sample.reason is InvalidReason.NONE
     assert sample.t_ns == 118 * MS + 3 * MS
     assert sample.t_valid_ns == 105 * MS
     assert sample.angle_rad == pytest.approx(0.1, abs=1e-4)
@@ -148,7 +157,7 @@ def test_the_platform_is_extrapolated_20_ms_and_no_further(
     x_m = 0.01 + 0.2 * age_ms * 1e-3
     sample = look(vision, cable_at(camera, 0.0, x_m), 100 * MS)
     assert sample.valid is known
-    assert sample.reason is (Reason.NONE if known else Reason.NO_PLATFORM)
+    assert sample.reason is (InvalidReason.NONE if known else InvalidReason.NO_PLATFORM)
     assert sample.platform_m == (pytest.approx(x_m, abs=1e-12) if known else None)
 
 
@@ -166,7 +175,7 @@ def test_an_invalid_frame_gives_a_reason_and_no_value_and_restarts_the_average(
     vision.on_message("platform", platform(45 * MS, 0.0), 46 * MS)
     look(vision, cable_at(camera, 0.1), 30 * MS)
     lost = look(vision, camera.expose(Scene(contrast=0.0).light()), 50 * MS)
-    assert (lost.valid, lost.reason) == (False, Reason.NO_CABLE)
+    assert (lost.valid, lost.reason) == (False, InvalidReason.NO_CABLE)
     assert (lost.angle_rad, lost.sigma_rad, lost.raw_rad, lost.offset_rad) == (
         None,
         None,
@@ -183,7 +192,7 @@ def test_a_platform_outside_the_offset_table_gives_no_angle(camera: Camera) -> N
     vision = task(x_m=[0.0, 0.1], offset_rad=[0.0, 0.0])
     vision.on_message("platform", platform(105 * MS, 0.11), 106 * MS)
     sample = look(vision, cable_at(camera, 0.0, 0.11), 100 * MS)
-    assert (sample.reason, sample.angle_rad) == (Reason.OUT_OF_RANGE, None)
+    assert (sample.reason, sample.angle_rad) == (InvalidReason.OUT_OF_RANGE, None)
 
 
 def test_a_colour_picture_is_read_in_its_red_plane(camera: Camera) -> None:
@@ -205,7 +214,7 @@ def test_a_picture_of_the_wrong_size_is_a_bad_image(shape: tuple[int, ...], enco
     vision.on_message("platform", platform(105 * MS, 0.0), 106 * MS)
     assert (
         look(vision, np.zeros(shape, np.uint8), 100 * MS, encoding=encoding).reason
-        is Reason.BAD_IMAGE
+        is InvalidReason.BAD_IMAGE
     )
 
 
@@ -236,8 +245,8 @@ def test_every_order_is_answered_with_its_id_and_changes_nothing(verb: Verb) -> 
 
 def test_the_task_has_no_timer_and_nothing_to_say_at_its_end() -> None:
     vision = task()
-    assert vision.on_tick(5) == NOTHING
-    assert vision.stop(6) == NOTHING
+    assert vision.on_tick(5) == NO_STEP
+    assert vision.stop(6) == NO_STEP
 
 
 def test_settings_survive_json_and_an_unknown_key_is_refused() -> None:
@@ -247,7 +256,9 @@ def test_settings_survive_json_and_an_unknown_key_is_refused() -> None:
 
 
 def test_every_reason_of_the_tracker_is_a_word_of_the_wire() -> None:
-    assert {reason.value for reason in tracker.Reason} <= {reason.value for reason in Reason}
+    assert {reason.value for reason in tracker.TrackFailure} <= {
+        reason.value for reason in InvalidReason
+    }
 
 
 def written_video(path: Path, planes: list[Grey], fps: float) -> Path:

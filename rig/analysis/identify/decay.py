@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from rig.analysis.identify.errors import AnalysisError
 
-Array = npt.NDArray[np.float64]
+FloatArray = npt.NDArray[np.float64]
 Numbers = npt.NDArray[Any]  # float, or complex while a derivative is taken
 
 MIN_SAMPLES = 20
@@ -43,9 +43,9 @@ class DecayFit:
     periods: float
     samples: int
 
-    def angle(self, t_s: Array) -> Array:
+    def angle(self, t_s: FloatArray) -> FloatArray:
         """Angle [rad] at t_s (any shape), offset included, as it was before any moving average."""
-        angle: Array = _free_swing(
+        angle: FloatArray = _free_swing(
             self._parameters(),
             np.asarray(t_s) - self.t_start_s,
             average_frames=1,
@@ -53,16 +53,16 @@ class DecayFit:
         )
         return angle
 
-    def amplitude_at(self, t_s: Array) -> Array:
+    def amplitude_at(self, t_s: FloatArray) -> FloatArray:
         """Decaying amplitude [rad] (turning points about the offset) at t_s (any shape)."""
         _, decay_1_s, amplitude_rad, _, _ = self._parameters()
         B = _action_amplitude(amplitude_rad) * np.exp(
             -decay_1_s * (np.asarray(t_s) - self.t_start_s)
         )
-        amplitude: Array = B * (1 + 5 / 192 * B**2)
+        amplitude: FloatArray = B * (1 + 5 / 192 * B**2)
         return amplitude
 
-    def _parameters(self) -> Array:
+    def _parameters(self) -> FloatArray:
         w0 = 2 * math.pi * self.natural_frequency_hz
         wd = w0 * math.sqrt(1 - self.damping_ratio**2)
         return np.array(
@@ -71,7 +71,7 @@ class DecayFit:
 
 
 def fit_decay(
-    t_s: Array, angle_rad: Array, *, average_frames: int = 1, frame_period_s: float = 0.02
+    t_s: FloatArray, angle_rad: FloatArray, *, average_frames: int = 1, frame_period_s: float = 0.02
 ) -> DecayFit:
     """Least-squares fit of a damped nonlinear pendulum to a free swing with an unknown offset.
 
@@ -121,7 +121,9 @@ def cable_length_sigma_m(
     return 2 * cable_length_m(natural_frequency_hz, gravity_m_s2) * sigma_hz / natural_frequency_hz
 
 
-def _free_swing(p: Numbers, tau: Array, *, average_frames: int, frame_period_s: float) -> Numbers:
+def _free_swing(
+    p: Numbers, tau: FloatArray, *, average_frames: int, frame_period_s: float
+) -> Numbers:
     """Angle at tau after the start for p = (damped frequency [rad/s], decay rate [1/s], amplitude, phase, offset).
 
     Averaging (action-angle) solution of theta'' + 2 zeta w0 theta' + w0^2 sin(theta) = 0. Linear damping makes the
@@ -154,7 +156,7 @@ def _action_amplitude(amplitude: Any) -> Any:
     return amplitude / (1 + 5 / 192 * B**2)
 
 
-def _decaying_integral(rate: Any, tau: Array) -> Numbers:
+def _decaying_integral(rate: Any, tau: FloatArray) -> Numbers:
     """Integral of exp(-rate u) for u from 0 to tau, tau itself for rate 0."""
     x = rate * tau
     return np.where(x == 0, tau, -np.expm1(-x) / np.where(x == 0, 1, rate))
@@ -169,13 +171,13 @@ def _average_gain(phase_a_frame: Any, frames: int) -> Any:
     )
 
 
-def _derivative(f: Callable[[Numbers], Numbers], p: Array) -> Array:
+def _derivative(f: Callable[[Numbers], Numbers], p: FloatArray) -> FloatArray:
     """Jacobian (M, P) by complex steps, exact to rounding (Squire & Trapp 1998)."""
     h = 1e-30
     return np.stack([f(p + 1j * h * unit).imag / h for unit in np.eye(p.size)], axis=-1)
 
 
-def _start(tau: Array, y: Array) -> Array:
+def _start(tau: FloatArray, y: FloatArray) -> FloatArray:
     """Undamped sinusoid + offset at the best frequency of the periodogram, as start of the fit."""
     w = 2 * math.pi * _strongest_frequency_hz(tau, y)
     basis = np.stack([np.cos(w * tau), np.sin(w * tau), np.ones_like(tau)], axis=-1)
@@ -183,7 +185,7 @@ def _start(tau: Array, y: Array) -> Array:
     return np.array([w, 0.0, math.hypot(a, b), math.atan2(-b, a), offset])
 
 
-def _strongest_frequency_hz(tau: Array, y: Array) -> float:
+def _strongest_frequency_hz(tau: FloatArray, y: FloatArray) -> float:
     """Peak of the zero-padded periodogram, gaps filled by lines.
 
     On a single period the mean taken off is not the offset and the peak is pulled aside; the fit finds back from there:
@@ -202,10 +204,12 @@ def _strongest_frequency_hz(tau: Array, y: Array) -> float:
     return float(frequency_hz[swings][np.argmax(power[swings])])
 
 
-def _levenberg_marquardt(model: Callable[[Numbers], Numbers], y: Array, p: Array) -> Array:
+def _levenberg_marquardt(
+    model: Callable[[Numbers], Numbers], y: FloatArray, p: FloatArray
+) -> FloatArray:
     """Least squares from p on; stops when a step would gain less than a ten-millionth of one sample's variance."""
 
-    def cost(q: Array) -> float:
+    def cost(q: FloatArray) -> float:
         inside = q[0] > 0 and q[2] > 0 and abs(q[1]) < MAX_DAMPING_RATIO * q[0]
         return float(np.sum((y - model(q)) ** 2)) if inside else math.inf
 
@@ -225,7 +229,9 @@ def _levenberg_marquardt(model: Callable[[Numbers], Numbers], y: Array, p: Array
     return p
 
 
-def _noise_gain(influence: Array, tau: Array, average_frames: int, frame_period_s: float) -> Array:
+def _noise_gain(
+    influence: FloatArray, tau: FloatArray, average_frames: int, frame_period_s: float
+) -> FloatArray:
     """Covariance (P, P) of the parameters for samples of unit variance.
 
     A sample is the mean of N frames and its variance s^2 that of a frame over N. One frame's noise enters the N
@@ -239,11 +245,11 @@ def _noise_gain(influence: Array, tau: Array, average_frames: int, frame_period_
     v = np.zeros((int(frame[-1]) + average_frames, influence.shape[0]))
     for k in range(average_frames):
         np.add.at(v, frame + k, influence.T)
-    covariance: Array = v.T @ v / average_frames
+    covariance: FloatArray = v.T @ v / average_frames
     return covariance
 
 
-def _freedom(spread: Array, J: Array) -> float:
+def _freedom(spread: FloatArray, J: FloatArray) -> float:
     """Expected sum of squared residuals of samples of unit variance: N minus the variance the model takes up."""
     freedom = float(J.shape[0] - np.sum((J @ spread) * J))
     if freedom < 1:
@@ -259,7 +265,9 @@ def _reported(p: Numbers) -> Numbers:
     return np.array([w0 / (2 * math.pi), decay / w0, amplitude, phase, offset])
 
 
-def _named(p: Array, sigma: Array, hidden: bool, residual: Array, t: Array) -> DecayFit:
+def _named(
+    p: FloatArray, sigma: FloatArray, hidden: bool, residual: FloatArray, t: FloatArray
+) -> DecayFit:
     frequency_hz, damping_ratio, amplitude, phase, offset = map(float, _reported(p))
     periods = float(t[-1] - t[0]) * frequency_hz
     if periods < MIN_PERIODS and not hidden:
@@ -284,7 +292,9 @@ def _named(p: Array, sigma: Array, hidden: bool, residual: Array, t: Array) -> D
     )
 
 
-def _checked(t_s: Array, angle_rad: Array, average_frames: int) -> tuple[Array, Array]:
+def _checked(
+    t_s: FloatArray, angle_rad: FloatArray, average_frames: int
+) -> tuple[FloatArray, FloatArray]:
     t, y = np.asarray(t_s, dtype=np.float64), np.asarray(angle_rad, dtype=np.float64)
     if t.ndim != 1 or t.shape != y.shape:
         raise AnalysisError(

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from rig.analysis.identify.errors import AnalysisError
 from rig.analysis.identify.swing import truth_at
 
-Array = npt.NDArray[np.float64]
+FloatArray = npt.NDArray[np.float64]
 
 MIN_TRAVEL_M = 0.001  # less is rest, and rest has no delay
 EARLIEST_S, LATEST_S = -0.1, 0.5  # command latency is looked for in between
@@ -20,7 +20,9 @@ COARSE_STEP_S = 0.01
 RESOLUTION_S = 1e-6
 
 
-def command_latency_s(t_s: Array, actual_m: Array, plan: Callable[[Array], Array]) -> float | None:
+def command_latency_s(
+    t_s: FloatArray, actual_m: FloatArray, plan: Callable[[FloatArray], FloatArray]
+) -> float | None:
     """Delay d [s] that minimises rms(actual(t + d) - plan(t)) over the move.
 
     t_s, actual_m (N,): measured position at its own stamps, strictly increasing. plan maps stamps (M,) on the same
@@ -45,11 +47,11 @@ def command_latency_s(t_s: Array, actual_m: Array, plan: Callable[[Array], Array
 
 
 def alignment_s(
-    t_valid_s: Array,
-    angle_rad: Array,
-    t_truth_s: Array,
-    truth_angle_rad: Array,
-    truth_rate_rad_s: Array,
+    t_valid_s: FloatArray,
+    angle_rad: FloatArray,
+    t_truth_s: FloatArray,
+    truth_angle_rad: FloatArray,
+    truth_rate_rad_s: FloatArray,
 ) -> float:
     """Delay [s] of the measured swing (N,) behind the truth (M,), positive = measured late, by least rms mismatch.
 
@@ -74,11 +76,11 @@ def alignment_s(
 
 
 def swing_error_rms_rad(
-    t_valid_s: Array,
-    angle_rad: Array,
-    t_truth_s: Array,
-    truth_angle_rad: Array,
-    truth_rate_rad_s: Array,
+    t_valid_s: FloatArray,
+    angle_rad: FloatArray,
+    t_truth_s: FloatArray,
+    truth_angle_rad: FloatArray,
+    truth_rate_rad_s: FloatArray,
 ) -> float:
     """Rms [rad] of measured (N,) minus true angle (M,) at the stamps as they are: no delay is fitted away.
 
@@ -90,7 +92,7 @@ def swing_error_rms_rad(
     )
 
 
-def _moving(planned: Array) -> slice:
+def _moving(planned: FloatArray) -> slice:
     """From the last sample at rest before the plan's move to the first one at rest after it."""
     moves = np.flatnonzero(np.abs(np.diff(planned)) > 1e-9 * np.ptp(planned))
     return slice(int(moves[0]), int(moves[-1]) + 2)
@@ -112,7 +114,9 @@ def _best_delay_s(mismatch: Callable[[float], float], low_s: float, high_s: floa
     )
 
 
-def _within(t_s: Array, angle_rad: Array, t_truth_s: Array, margin_s: float) -> tuple[Array, Array]:
+def _within(
+    t_s: FloatArray, angle_rad: FloatArray, t_truth_s: FloatArray, margin_s: float
+) -> tuple[FloatArray, FloatArray]:
     t, angle = np.asarray(t_s, dtype=np.float64), np.asarray(angle_rad, dtype=np.float64)
     first, last = (
         (float(t_truth_s[0]), float(t_truth_s[-1])) if len(t_truth_s) else (math.inf, -math.inf)

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from rig.analysis.identify.errors import AnalysisError
 
-Array = npt.NDArray[np.float64]
+FloatArray = npt.NDArray[np.float64]
 
 MIN_SAMPLES = 20
 MIN_PERIODS = 1.0
@@ -30,10 +30,10 @@ class Watch:
     the predicted pivot along image x at the predicted pivot's row.
     """
 
-    t_s: Array
-    raw_rad: Array
-    platform_m: Array
-    pivot_miss_px: Array
+    t_s: FloatArray
+    raw_rad: FloatArray
+    platform_m: FloatArray
+    pivot_miss_px: FloatArray
 
     def valid(self) -> Watch:
         """The frames that gave everything."""
@@ -50,10 +50,10 @@ class Watch:
 class OffsetCalibration:
     """Offsets (P,) over rising platform positions, and the pivot as the pictures show it; sigmas are one standard deviation."""
 
-    x_m: Array
-    offset_rad: Array
-    sigma_offset_rad: Array
-    amplitude_rad: Array  # swing at mid-watch
+    x_m: FloatArray
+    offset_rad: FloatArray
+    sigma_offset_rad: FloatArray
+    amplitude_rad: FloatArray  # swing at mid-watch
     frequency_hz: (
         float  # shared by all positions; at the belief's +-20 % where nothing swings visibly
     )
@@ -69,11 +69,11 @@ class OffsetCalibration:
 class Swings(NamedTuple):
     """Offset + decaying sinusoid at every position, frequency and decay shared."""
 
-    coefficients: Array  # (P, 3): cosine, sine [rad] at mid-watch, offset [rad]
-    sigma_offset_rad: Array  # (P,)
+    coefficients: FloatArray  # (P, 3): cosine, sine [rad] at mid-watch, offset [rad]
+    sigma_offset_rad: FloatArray  # (P,)
     frequency_hz: float
     residual_rad: float
-    angles: list[Array]  # the fitted angle at each watch's stamps
+    angles: list[FloatArray]  # the fitted angle at each watch's stamps
 
 
 class Pivot(NamedTuple):
@@ -153,7 +153,7 @@ def _fit_swings(watches: Sequence[Watch], natural_frequency_hz: float) -> Swings
         max(float(np.std(w.raw_rad)) for w in watches) or 1.0
     )  # tolerances mean the same at any amplitude
 
-    def misfit(q: Array) -> Array:
+    def misfit(q: FloatArray) -> FloatArray:
         fits = _linear_fits(watches, belief + q * reach)
         return np.concatenate([w.raw_rad - X @ c for w, X, c in fits]) / unit
 
@@ -170,7 +170,9 @@ def _fit_swings(watches: Sequence[Watch], natural_frequency_hz: float) -> Swings
     )
 
 
-def _linear_fits(watches: Sequence[Watch], shared: Array) -> list[tuple[Watch, Array, Array]]:
+def _linear_fits(
+    watches: Sequence[Watch], shared: FloatArray
+) -> list[tuple[Watch, FloatArray, FloatArray]]:
     """For each watch its basis X (N, 3) = decaying cosine, sine, one, and the least-squares coefficients (3,)."""
     omega, decay = shared
     fits = []
@@ -184,7 +186,7 @@ def _linear_fits(watches: Sequence[Watch], shared: Array) -> list[tuple[Watch, A
     return fits
 
 
-def _unit_covariance(fits: Sequence[tuple[Watch, Array, Array]]) -> Array:
+def _unit_covariance(fits: Sequence[tuple[Watch, FloatArray, FloatArray]]) -> FloatArray:
     """(J'J)^-1 of all coefficients, position by position, then frequency and decay."""
     rows = [X.shape[0] for _, X, _ in fits]
     J, first = np.zeros((sum(rows), 3 * len(fits) + 2)), 0
@@ -196,13 +198,13 @@ def _unit_covariance(fits: Sequence[tuple[Watch, Array, Array]]) -> Array:
         J[here, -1] = -tau * (a * X[:, 0] + b * X[:, 1])
         first += rows[k]
     inverse = np.linalg.pinv(J)
-    covariance: Array = inverse @ inverse.T
+    covariance: FloatArray = inverse @ inverse.T
     return covariance
 
 
 def _fit_pivot(
     watches: Sequence[Watch],
-    angles: Sequence[Array],
+    angles: Sequence[FloatArray],
     home_px: tuple[float, float],
     pixels_per_m: float,
 ) -> Pivot:
@@ -228,7 +230,7 @@ def _fit_pivot(
     )
 
 
-def _regression(basis: Array, y: Array) -> tuple[Array, Array, float]:
+def _regression(basis: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, float]:
     """Least-squares coefficients, their sigmas for white residuals, and the residual rms."""
     inverse = np.linalg.pinv(basis)
     coefficients = inverse @ y

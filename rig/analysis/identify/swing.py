@@ -9,10 +9,10 @@ import numpy.typing as npt
 
 from rig.analysis.identify.errors import AnalysisError
 
-Array = npt.NDArray[np.float64]
+FloatArray = npt.NDArray[np.float64]
 
 
-def peak_swing_rad(t_s: Array, angle_rad: Array, t0_s: float, t1_s: float) -> float:
+def peak_swing_rad(t_s: FloatArray, angle_rad: FloatArray, t0_s: float, t1_s: float) -> float:
     """Largest |angle| [rad] of the samples (N,) stamped within [t0_s, t1_s]; AnalysisError when there is none.
 
     At 50 Hz and 0.5 Hz swing the true peak lies less than 0.05 % above the nearest sample.
@@ -48,7 +48,9 @@ def residual_amplitude_rad(angle_rad: float, rate_rad_s: float, omega_rad_s: flo
     return math.hypot(angle_rad, rate_rad_s / omega_rad_s)
 
 
-def truth_at(t_s: Array, t_truth_s: Array, angle_rad: Array, rate_rad_s: Array) -> Array:
+def truth_at(
+    t_s: FloatArray, t_truth_s: FloatArray, angle_rad: FloatArray, rate_rad_s: FloatArray
+) -> FloatArray:
     """True angle [rad] at t_s (M,) by cubic Hermite interpolation of angle and rate (N,) given at t_truth_s (N,).
 
     Error at 10 ms spacing: h^4 / 384 omega^4 of the amplitude, 3e-9 at 0.5 Hz. AnalysisError outside the truth's stamps.
@@ -61,5 +63,5 @@ def truth_at(t_s: Array, t_truth_s: Array, angle_rad: Array, rate_rad_s: Array) 
         raise AnalysisError(
             f"truth covers {span}, asked for [{t.min():.3f}, {t.max():.3f}] s: ask inside, from two samples on"
         )
-    angle: Array = CubicHermiteSpline(known, np.asarray(angle_rad), np.asarray(rate_rad_s))(t)
+    angle: FloatArray = CubicHermiteSpline(known, np.asarray(angle_rad), np.asarray(rate_rad_s))(t)
     return angle

@@ -10,7 +10,7 @@ from planners import bounds
 from planners.errors import PlanError
 from rig.drives.motor import Motor
 from rig.drives.screw.balls import Balls
-from rig.drives.screw.candidate import Candidate
+from rig.drives.screw.candidate import CatalogueEntry
 from rig.drives.screw.cycle import Cycle
 from rig.drives.screw.demand import Demand, demand, equivalent_load_n
 from rig.drives.screw.load import AxisLoad
@@ -21,7 +21,7 @@ from rig.drives.screw.wishes import Shares, Wishes
 
 
 @dataclass(frozen=True, kw_only=True)
-class Axis:
+class AxisSpec:
     """All that is known before a screw is chosen. Raises PlanError for a travel that leaves no screw for the nut."""
 
     mounting: Mounting
@@ -53,27 +53,27 @@ class Axis:
         return demand(self.cycle, self.load)
 
     @property
-    def held_n_m(self) -> float:
+    def support_stiffness_n_m(self) -> float:
         """Stiffness of bearing and nut in series; inf where both are rigid."""
         soft = 1.0 / self.bearing_n_m + 1.0 / self.nut_n_m
         return 1.0 / soft if soft else math.inf
 
-    def balls_m_rpm(self, candidate: Candidate | None = None) -> float:
+    def balls_m_rpm(self, candidate: CatalogueEntry | None = None) -> float:
         """d x n that may be used, of a candidate's own limit where it tells one."""
         own = candidate.limit_m_rpm if candidate else None
         return self.shares.balls * (self.balls.allowed_m_rpm if own is None else own)
 
     def stiffness_n_m(self, screw: BallScrew) -> float:
         """k_eq of the chain with this axis's bearing and nut."""
-        return screw.stiffness_n_m(self.held_n_m)
+        return screw.stiffness_n_m(self.support_stiffness_n_m)
 
-    def preload_n(self, candidate: Candidate) -> float:
+    def preload_n(self, candidate: CatalogueEntry) -> float:
         """Its own, else the usual share of its dynamic load; 0 where that is not told."""
         if candidate.preload_n is not None:
             return candidate.preload_n
         return self.shares.preload * (candidate.dynamic_load_n or 0.0)
 
-    def equivalent_load_n(self, candidate: Candidate) -> float:
+    def equivalent_load_n(self, candidate: CatalogueEntry) -> float:
         """Of the cycle, with its preload."""
         preload_n = self.preload_n(candidate)
         return (
@@ -82,7 +82,7 @@ class Axis:
             else self.demand.equivalent_force_n
         )
 
-    def drive(self, candidate: Candidate) -> Transmission:
+    def drive(self, candidate: CatalogueEntry) -> Transmission:
         """The transmission with the drag of the candidate's preload, unless a drag is given."""
         if self.transmission.drag_torque_n_m is not None:
             return self.transmission

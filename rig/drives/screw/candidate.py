@@ -11,7 +11,7 @@ from rig.drives.screw.shaft import BallScrew, Mounting, Thread
 
 
 @dataclass(frozen=True, kw_only=True)
-class Candidate(Thread):
+class CatalogueEntry(Thread):
     """None is not told, and what hangs on it cannot be decided.
 
     Raises PlanError for an empty name, a number out of bounds and an unknown lead class.

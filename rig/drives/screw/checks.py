@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rig.drives.screw.axis import Axis
-from rig.drives.screw.candidate import Candidate
+from rig.drives.screw.axis import AxisSpec
+from rig.drives.screw.candidate import CatalogueEntry
 from rig.drives.screw.demand import ShaftDemand, shaft_demand
 from rig.drives.screw.lead_classes import LEAD_CLASSES, TABULATED, travel_deviation_m
 from rig.drives.screw.life import dynamic_load_n, life_h
@@ -29,7 +29,7 @@ from rig.drives.screw.remedies import (
     slower,
 )
 from rig.drives.screw.shaft import BallScrew
-from rig.drives.screw.verdict import Assessment, Check
+from rig.drives.screw.verdict import Assessment, LimitCheck
 
 SOURCE = ", ".join(TABULATED)
 WHIRL, BALLS, UNIT, MOTOR = (
@@ -40,7 +40,7 @@ WHIRL, BALLS, UNIT, MOTOR = (
 )  # all in proportion to the speed
 
 
-def assess(axis: Axis, candidate: Candidate) -> Assessment:
+def assess(axis: AxisSpec, candidate: CatalogueEntry) -> Assessment:
     """Every check of a candidate on an axis. Buckling takes the largest force for a push, whichever way it acts."""
     screw = candidate.screw(axis.mounting)
     shaft = shaft_demand(axis.cycle, axis.load, axis.drive(candidate), screw)
@@ -54,7 +54,7 @@ def assess(axis: Axis, candidate: Candidate) -> Assessment:
     return Assessment(candidate, screw, shaft, checks)
 
 
-def _shaft(axis: Axis, candidate: Candidate, screw: BallScrew) -> list[Check]:
+def _shaft(axis: AxisSpec, candidate: CatalogueEntry, screw: BallScrew) -> list[LimitCheck]:
     """Whirling, balls, buckling."""
     need, shares = axis.demand, axis.shares
     turns_rpm = need.peak_speed_m_s / screw.ratio_m_rad * RPM
@@ -63,19 +63,19 @@ def _shaft(axis: Axis, candidate: Candidate, screw: BallScrew) -> list[Check]:
         shares.buckling * screw.buckling_load_n,
     )
     return [
-        Check(WHIRL, turns_rpm, critical_rpm, "rpm", against_whirl(axis, screw)),
-        Check(
+        LimitCheck(WHIRL, turns_rpm, critical_rpm, "rpm", against_whirl(axis, screw)),
+        LimitCheck(
             BALLS,
             turns_rpm * screw.circle_m,
             axis.balls_m_rpm(candidate),
             "m rpm",
             against_balls(axis, candidate, screw),
         ),
-        Check("buckling", need.peak_force_n, load_n, "N", against_buckling(axis, screw)),
+        LimitCheck("buckling", need.peak_force_n, load_n, "N", against_buckling(axis, screw)),
     ]
 
 
-def _nut(axis: Axis, candidate: Candidate) -> list[Check]:
+def _nut(axis: AxisSpec, candidate: CatalogueEntry) -> list[LimitCheck]:
     """Loads, life, and the unit's own limits."""
     need, factor, hours = axis.demand, axis.shares.service_factor, axis.wishes.life_h
     rated, lead, force = (
@@ -93,15 +93,17 @@ def _nut(axis: Axis, candidate: Candidate) -> list[Check]:
     )
     limit, wear = candidate.speed_m_s, against_wear(axis, candidate)
     return [
-        Check("dynamic load", load, rated, "N", wear, missing=unrated),
-        Check("life", life, hours, "h", wear, at_least=True, missing=unrated),
-        Check("static load", pressed, candidate.static_load_n, "N", "a stronger nut"),
-        Check(UNIT, need.peak_speed_m_s, limit, "m/s", slower(axis.cycle, limit) if limit else ""),
-        Check("stroke of the unit", need.travel_m, candidate.stroke_m, "m", "a longer unit"),
+        LimitCheck("dynamic load", load, rated, "N", wear, missing=unrated),
+        LimitCheck("life", life, hours, "h", wear, at_least=True, missing=unrated),
+        LimitCheck("static load", pressed, candidate.static_load_n, "N", "a stronger nut"),
+        LimitCheck(
+            UNIT, need.peak_speed_m_s, limit, "m/s", slower(axis.cycle, limit) if limit else ""
+        ),
+        LimitCheck("stroke of the unit", need.travel_m, candidate.stroke_m, "m", "a longer unit"),
     ]
 
 
-def _accuracy(axis: Axis, candidate: Candidate, screw: BallScrew) -> list[Check]:
+def _accuracy(axis: AxisSpec, candidate: CatalogueEntry, screw: BallScrew) -> list[LimitCheck]:
     """Lead class, deviation over the travel, lead that is too great."""
     wishes, name, travel = axis.wishes, candidate.lead_class, axis.demand.travel_m
     silent = "" if name is not None else "no lead class in the catalogue; ask the maker"
@@ -119,7 +121,7 @@ def _accuracy(axis: Axis, candidate: Candidate, screw: BallScrew) -> list[Check]
         else greatest_lead_by_accuracy_m(wishes.position_error_m, wishes.angle_error_rad)
     )
     return [
-        Check(
+        LimitCheck(
             "lead class",
             None if name is None else LEAD_CLASSES[name].per_300_mm_m * 1e6,
             None
@@ -133,7 +135,7 @@ def _accuracy(axis: Axis, candidate: Candidate, screw: BallScrew) -> list[Check]
             note=note,
             classes=True,
         ),
-        Check(
+        LimitCheck(
             "lead over the travel",
             None if deviation is None else deviation * 1e6,
             None if wanted is None else wanted * 1e6,
@@ -141,7 +143,7 @@ def _accuracy(axis: Axis, candidate: Candidate, screw: BallScrew) -> list[Check]
             "a finer class",
             missing="" if wanted is None or deviation is not None else silent or off_table,
         ),
-        Check(
+        LimitCheck(
             "lead for accuracy",
             candidate.lead_m,
             lead,
@@ -151,7 +153,7 @@ def _accuracy(axis: Axis, candidate: Candidate, screw: BallScrew) -> list[Check]
     ]
 
 
-def _stiffness(axis: Axis, screw: BallScrew) -> list[Check]:
+def _stiffness(axis: AxisSpec, screw: BallScrew) -> list[LimitCheck]:
     """Sag, stiffness, bandwidth."""
     wishes, stiffness = axis.wishes, axis.stiffness_n_m(screw)
     reach = axis.shares.bandwidth * screw.antiresonance_rad_s(axis.load.mass_kg, stiffness)
@@ -159,19 +161,21 @@ def _stiffness(axis: Axis, screw: BallScrew) -> list[Check]:
     softness = "" if wanted is None else against_softness(axis, screw, wanted)
     slowness = "" if fast is None else against_slowness(axis, screw, fast)
     return [
-        Check(
+        LimitCheck(
             "sag",
             screw.sag_m(axis.load.slope_rad, axis.carried_kg),
             sag,
             "m",
             "" if sag is None else against_sag(axis, screw, sag),
         ),
-        Check("stiffness", stiffness, wanted, "N/m", softness, at_least=True),
-        Check("bandwidth", reach, fast, "rad/s", slowness, at_least=True),
+        LimitCheck("stiffness", stiffness, wanted, "N/m", softness, at_least=True),
+        LimitCheck("bandwidth", reach, fast, "rad/s", slowness, at_least=True),
     ]
 
 
-def _motor(axis: Axis, candidate: Candidate, screw: BallScrew, need: ShaftDemand) -> list[Check]:
+def _motor(
+    axis: AxisSpec, candidate: CatalogueEntry, screw: BallScrew, need: ShaftDemand
+) -> list[LimitCheck]:
     """Torque, heat, speed and power; without a motor they are told, not judged."""
     motor, drive = axis.motor, axis.drive(candidate)
     peak, steady, top, power = (
@@ -187,16 +191,16 @@ def _motor(axis: Axis, candidate: Candidate, screw: BallScrew, need: ShaftDemand
     force = "" if peak is None else against_torque(axis, drive, screw, peak)
     heat = "" if steady is None else against_heat(axis, drive, screw, need.rms_torque_n_m, steady)
     return [
-        Check("motor torque, peak", need.peak_torque_n_m, peak, "N m", force),
-        Check("motor torque, rms", need.rms_torque_n_m, steady, "N m", heat),
-        Check(
+        LimitCheck("motor torque, peak", need.peak_torque_n_m, peak, "N m", force),
+        LimitCheck("motor torque, rms", need.rms_torque_n_m, steady, "N m", heat),
+        LimitCheck(
             MOTOR,
             need.peak_speed_rad_s * RPM,
             None if top is None else top * RPM,
             "rpm",
             "" if top is None else slower(axis.cycle, top * screw.ratio_m_rad),
         ),
-        Check(
+        LimitCheck(
             "motor power",
             need.peak_power_w,
             None if power == math.inf else power,
@@ -213,7 +217,7 @@ class AllowedSpeed(NamedTuple):
     check: str
 
 
-def allowed_speed(axis: Axis, found: Assessment) -> AllowedSpeed:
+def allowed_speed(axis: AxisSpec, found: Assessment) -> AllowedSpeed:
     """What whirling, balls, unit and motor let the nut do; at its own lead, whatever the cycle asks."""
     speed = axis.demand.peak_speed_m_s
     return min(

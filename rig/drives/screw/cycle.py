@@ -15,7 +15,7 @@ from planners.errors import PlanError, check_range, unknown_name
 from planners.laws import LAWS
 from planners.laws.segments import integrated
 from planners.trajectories.trajectory import Trajectory
-from rig.drives.screw.instants import Instants, Phase, moving, resting
+from rig.drives.screw.instants import CyclePhase, Instants, moving, resting
 
 TRAPEZOIDAL = "trapezoidal"
 CLOSED = 1e-9  # share of the longest stroke by which a cycle may miss its start
@@ -107,7 +107,7 @@ class Move:
         )
 
     @cached_property
-    def phases(self) -> tuple[Phase, ...]:
+    def phases(self) -> tuple[CyclePhase, ...]:
         """The rows of its motion-law table, in the order of time; a rest of 0 s has none."""
         direction = math.copysign(1.0, self.stroke_m)
         rows = [

@@ -9,7 +9,7 @@ import numpy as np
 
 from planners.trajectories.pieces import FloatArray
 from rig.drives.screw.cycle import Cycle
-from rig.drives.screw.instants import Instants, Phase
+from rig.drives.screw.instants import CyclePhase, Instants
 from rig.drives.screw.life import equivalent_force_n
 from rig.drives.screw.load import AxisLoad
 from rig.drives.screw.preload import ball_load_n
@@ -105,7 +105,9 @@ def shaft_demand(
     )
 
 
-def powers(phase: Phase, load: AxisLoad, transmission: Transmission, screw: BallScrew) -> Powers:
+def powers(
+    phase: CyclePhase, load: AxisLoad, transmission: Transmission, screw: BallScrew
+) -> Powers:
     """The largest power that the motor gives and that it takes within a phase."""
 
     def power(at: Instants) -> FloatArray:

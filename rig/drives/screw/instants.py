@@ -13,7 +13,7 @@ from planners.trajectories.pieces import FloatArray, Piece
 
 # Nodes of each phase: exact for constant acceleration. Else a loss bends the torque where the force changes sign, and means are
 # right to 1e-6 of cubed forces, 1e-5 of squared torques, 1e-3 of powers that drive or brake.
-NODES = 128
+GAUSS_NODES = 128
 ROUNDS, POINTS = (
     6,
     17,
@@ -29,7 +29,7 @@ class Instants(NamedTuple):
     acceleration_m_s2: FloatArray
 
 
-class Phase(NamedTuple):
+class CyclePhase(NamedTuple):
     """One row of a motion-law table: a piece of a move's law, or the rest after it."""
 
     number: int  # from 1; 0 is the rest
@@ -55,7 +55,7 @@ class Phase(NamedTuple):
         return best
 
 
-def moving(number: int, piece: Piece, direction: float) -> Phase:
+def moving(number: int, piece: Piece, direction: float) -> CyclePhase:
     """A piece of a move's position."""
     x, w = _quadrature()
     edges = np.unique(np.concatenate([resolve(piece, order).candidates_s() for order in (1, 2)]))
@@ -64,13 +64,13 @@ def moving(number: int, piece: Piece, direction: float) -> Phase:
     rank = np.argsort(t, kind="stable")
     instants = _instants(piece, t[rank], weight[rank], direction)
     varies = np.ptp(instants.acceleration_m_s2) > 0.0
-    return Phase(number, piece.duration_s, instants, t[rank], piece if varies else None)
+    return CyclePhase(number, piece.duration_s, instants, t[rank], piece if varies else None)
 
 
-def resting(duration_s: float) -> Phase:
+def resting(duration_s: float) -> CyclePhase:
     """The rest after a move."""
     still = np.zeros(1)
-    return Phase(0, duration_s, Instants(np.full(1, duration_s), still, still, still), still)
+    return CyclePhase(0, duration_s, Instants(np.full(1, duration_s), still, still, still), still)
 
 
 def _instants(piece: Piece, t: FloatArray, weight_s: FloatArray, direction: float) -> Instants:
@@ -79,5 +79,5 @@ def _instants(piece: Piece, t: FloatArray, weight_s: FloatArray, direction: floa
 
 @lru_cache(maxsize=1)
 def _quadrature() -> tuple[FloatArray, FloatArray]:
-    x, w = np.polynomial.legendre.leggauss(NODES)
+    x, w = np.polynomial.legendre.leggauss(GAUSS_NODES)
     return x, w

@@ -57,21 +57,23 @@ def greatest_lead_by_accuracy_m(position_error_m: float, angle_error_rad: float)
 
 
 def greatest_lead_by_stiffness_m(
-    screw: BallScrew, stiffness_n_m: float, held_n_m: float = math.inf
+    screw: BallScrew, stiffness_n_m: float, support_stiffness_n_m: float = math.inf
 ) -> float:
     """The lead at which torsion uses up what the rest of the chain leaves (C.0.17 solved for p); 0 where it leaves nothing.
 
-    held_n_m is that of bearing and nut in series.
+    support_stiffness_n_m is that of bearing and nut in series.
     """
-    left = 1.0 / stiffness_n_m - 1.0 / held_n_m - 1.0 / screw.axial_stiffness_n_m
+    left = 1.0 / stiffness_n_m - 1.0 / support_stiffness_n_m - 1.0 / screw.axial_stiffness_n_m
     return 2.0 * math.pi * math.sqrt(max(0.0, left) * screw.torsional_stiffness_n_m_rad)
 
 
-def least_diameter_by_stiffness_m(screw: BallScrew, stiffness_n_m: float, held_n_m: float) -> float:
+def least_diameter_by_stiffness_m(
+    screw: BallScrew, stiffness_n_m: float, support_stiffness_n_m: float
+) -> float:
     """C.0.17 solved for d at the screw's lead: a shaft gives way as 1 / d^2, its twist as 1 / d^4. inf where what holds it does
     not leave the stiffness."""
     unit = BallScrew(diameter_m=1.0, lead_m=screw.lead_m, mounting=screw.mounting)
-    left = 1.0 / stiffness_n_m - 1.0 / held_n_m
+    left = 1.0 / stiffness_n_m - 1.0 / support_stiffness_n_m
     twist = unit.ratio_m_rad**2 / unit.torsional_stiffness_n_m_rad
     return _diameter_m(1.0 / unit.axial_stiffness_n_m, twist, left) if left > 0.0 else math.inf
 

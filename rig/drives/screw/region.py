@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from planners.trajectories.pieces import FloatArray
-from rig.drives.screw.axis import Axis
-from rig.drives.screw.candidate import Candidate
+from rig.drives.screw.axis import AxisSpec
+from rig.drives.screw.candidate import CatalogueEntry
 from rig.drives.screw.life import least_lead_by_life_m
 from rig.drives.screw.limits import (
     greatest_lead_by_accuracy_m,
@@ -23,7 +23,7 @@ from rig.drives.screw.limits import (
 from rig.drives.screw.shaft import BallScrew
 
 
-class Line(NamedTuple):
+class LimitCurve(NamedTuple):
     """A limit over diameters: leads below a least one, or above a greatest one, are not admissible."""
 
     name: str
@@ -38,12 +38,12 @@ class Region(NamedTuple):
     """All lines, and the leads between them; a region that is empty at a diameter has low_m > high_m there."""
 
     diameter_m: FloatArray  # (N,)
-    lines: tuple[Line, ...]
+    lines: tuple[LimitCurve, ...]
     low_m: FloatArray  # (N,)
     high_m: FloatArray  # (N,), inf without a greatest lead
 
 
-def region(axis: Axis, diameter_m: FloatArray, nut: Candidate | None = None) -> Region:
+def region(axis: AxisSpec, diameter_m: FloatArray, nut: CatalogueEntry | None = None) -> Region:
     """Lines over diameters > 0, (N,), of the core and of the balls' circle, too.
 
     Balls and life are those of the nut where one is given, and life needs its dynamic load; wishes have lines where asked.
@@ -66,21 +66,23 @@ def region(axis: Axis, diameter_m: FloatArray, nut: Candidate | None = None) -> 
     return Region(diameter_m, lines, low, high)
 
 
-def _speed(axis: Axis, shafts: list[BallScrew], nut: Candidate | None) -> list[Line]:
+def _speed(axis: AxisSpec, shafts: list[BallScrew], nut: CatalogueEntry | None) -> list[LimitCurve]:
     speed, balls = axis.demand.peak_speed_m_s, axis.balls_m_rpm(nut)
     return [
-        Line(
+        LimitCurve(
             "whirling",
             np.array([least_lead_by_whirl_m(shaft, speed, axis.shares.whirl) for shaft in shafts]),
         ),
-        Line(
+        LimitCurve(
             "balls",
             np.array([least_lead_by_balls_m(shaft.diameter_m, speed, balls) for shaft in shafts]),
         ),
     ]
 
 
-def _strength(axis: Axis, diameter_m: FloatArray, nut: Candidate | None) -> list[Line]:
+def _strength(
+    axis: AxisSpec, diameter_m: FloatArray, nut: CatalogueEntry | None
+) -> list[LimitCurve]:
     need, shares, hours = axis.demand, axis.shares, axis.wishes.life_h
     lines = [
         _upright(
@@ -94,11 +96,11 @@ def _strength(axis: Axis, diameter_m: FloatArray, nut: Candidate | None) -> list
         least = least_lead_by_life_m(
             hours, nut.dynamic_load_n, force, need.mean_speed_m_s, shares.service_factor
         )
-        lines.append(Line("life", np.full_like(diameter_m, least)))
+        lines.append(LimitCurve("life", np.full_like(diameter_m, least)))
     return lines
 
 
-def _work(axis: Axis, shafts: list[BallScrew], diameter_m: FloatArray) -> list[Line]:
+def _work(axis: AxisSpec, shafts: list[BallScrew], diameter_m: FloatArray) -> list[LimitCurve]:
     wishes, mass = axis.wishes, axis.load.mass_kg
     lines = []
     if wishes.sag_m is not None:
@@ -108,7 +110,7 @@ def _work(axis: Axis, shafts: list[BallScrew], diameter_m: FloatArray) -> list[L
         lines.append(_upright("sag", diameter_m, thin))
     if wishes.position_error_m is not None and wishes.angle_error_rad is not None:
         most = greatest_lead_by_accuracy_m(wishes.position_error_m, wishes.angle_error_rad)
-        lines.append(Line("accuracy", np.full_like(diameter_m, most), greatest=True))
+        lines.append(LimitCurve("accuracy", np.full_like(diameter_m, most), greatest=True))
     stiff: dict[str, list[float]] = {}
     if wishes.stiffness_n_m is not None:
         stiff["stiffness"] = [wishes.stiffness_n_m] * len(shafts)
@@ -119,12 +121,12 @@ def _work(axis: Axis, shafts: list[BallScrew], diameter_m: FloatArray) -> list[L
         ]
     for name, needed in stiff.items():
         leads = [
-            greatest_lead_by_stiffness_m(shaft, k, axis.held_n_m)
+            greatest_lead_by_stiffness_m(shaft, k, axis.support_stiffness_n_m)
             for shaft, k in zip(shafts, needed, strict=True)
         ]
-        lines.append(Line(name, np.array(leads), greatest=True))
+        lines.append(LimitCurve(name, np.array(leads), greatest=True))
     return lines
 
 
-def _upright(name: str, diameter_m: FloatArray, least_m: float) -> Line:
-    return Line(name, np.where(diameter_m < least_m, math.inf, 0.0), diameter_m=least_m)
+def _upright(name: str, diameter_m: FloatArray, least_m: float) -> LimitCurve:
+    return LimitCurve(name, np.where(diameter_m < least_m, math.inf, 0.0), diameter_m=least_m)

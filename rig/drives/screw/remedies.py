@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from rig.drives.screw import digits
-from rig.drives.screw.axis import Axis
+from rig.drives.screw.axis import AxisSpec
 from rig.drives.screw.balls import BALLS_M_RPM
-from rig.drives.screw.candidate import Candidate
+from rig.drives.screw.candidate import CatalogueEntry
 from rig.drives.screw.cycle import Cycle
 from rig.drives.screw.life import least_lead_by_life_m, life_h
 from rig.drives.screw.limits import (
@@ -27,7 +27,7 @@ from rig.drives.screw.wear import lasting_load_n, lasting_preload_n
 LEADS = (0.05, 2.0)  # of the diameter, that screws are made with (general knowledge)
 
 
-def against_whirl(axis: Axis, screw: BallScrew) -> str:
+def against_whirl(axis: AxisSpec, screw: BallScrew) -> str:
     """Lead, diameter, supports or time."""
     lead = least_lead_by_whirl_m(screw, axis.demand.peak_speed_m_s, axis.shares.whirl)
     return _either(
@@ -35,7 +35,7 @@ def against_whirl(axis: Axis, screw: BallScrew) -> str:
     )
 
 
-def against_balls(axis: Axis, candidate: Candidate, screw: BallScrew) -> str:
+def against_balls(axis: AxisSpec, candidate: CatalogueEntry, screw: BallScrew) -> str:
     """Lead, diameter, time, or other balls where those do."""
     speed, limit = axis.demand.peak_speed_m_s, axis.balls_m_rpm(candidate)
     lead = least_lead_by_balls_m(screw.circle_m, speed, limit)
@@ -52,7 +52,7 @@ def against_balls(axis: Axis, candidate: Candidate, screw: BallScrew) -> str:
     )
 
 
-def against_buckling(axis: Axis, screw: BallScrew) -> str:
+def against_buckling(axis: AxisSpec, screw: BallScrew) -> str:
     """Diameter or supports."""
     thick = least_diameter_by_buckling_m(
         axis.mounting, axis.demand.peak_force_n, axis.shares.buckling
@@ -60,7 +60,7 @@ def against_buckling(axis: Axis, screw: BallScrew) -> str:
     return _either(_diameter(screw, thick), _supports(axis))
 
 
-def against_wear(axis: Axis, candidate: Candidate) -> str:
+def against_wear(axis: AxisSpec, candidate: CatalogueEntry) -> str:
     """Lead, preload, nut or hours; empty where nothing is broken or there is nothing to compare."""
     hours, rated, need, factor = (
         axis.wishes.life_h,
@@ -85,7 +85,7 @@ def against_wear(axis: Axis, candidate: Candidate) -> str:
     )
 
 
-def for_want_of_a_rating(axis: Axis, candidate: Candidate) -> str:
+def for_want_of_a_rating(axis: AxisSpec, candidate: CatalogueEntry) -> str:
     """What to ask of a nut whose dynamic load is not told; empty where it is, or where no life is asked."""
     hours = axis.wishes.life_h
     if hours is None or candidate.dynamic_load_n is not None:
@@ -100,33 +100,33 @@ def against_inaccuracy(screw: BallScrew, greatest_lead_m: float) -> str:
     return _either(_lead(screw, greatest_lead_m, digits.greatest), "a finer encoder")
 
 
-def against_sag(axis: Axis, screw: BallScrew, sag_m: float) -> str:
+def against_sag(axis: AxisSpec, screw: BallScrew, sag_m: float) -> str:
     """Diameter or length."""
     thick = least_diameter_by_sag_m(axis.mounting, sag_m, axis.load.slope_rad, axis.carried_kg)
     return _either(_diameter(screw, thick), "a shorter screw")
 
 
-def against_softness(axis: Axis, screw: BallScrew, needed_n_m: float) -> str:
+def against_softness(axis: AxisSpec, screw: BallScrew, needed_n_m: float) -> str:
     """Bearing and nut where they are too soft by themselves, else lead and diameter."""
-    if axis.held_n_m <= needed_n_m:
+    if axis.support_stiffness_n_m <= needed_n_m:
         return _too_soft(axis, needed_n_m)
-    thick = least_diameter_by_stiffness_m(screw, needed_n_m, axis.held_n_m)
-    lead = greatest_lead_by_stiffness_m(screw, needed_n_m, axis.held_n_m)
+    thick = least_diameter_by_stiffness_m(screw, needed_n_m, axis.support_stiffness_n_m)
+    lead = greatest_lead_by_stiffness_m(screw, needed_n_m, axis.support_stiffness_n_m)
     return _either(_diameter(screw, thick), _lead(screw, lead, digits.greatest), "a shorter screw")
 
 
-def against_slowness(axis: Axis, screw: BallScrew, bandwidth_rad_s: float) -> str:
+def against_slowness(axis: AxisSpec, screw: BallScrew, bandwidth_rad_s: float) -> str:
     """The same for a bandwidth; a thicker screw is stiffer but heavier, too."""
     mass, share = axis.load.mass_kg, axis.shares.bandwidth
     least = mass * (bandwidth_rad_s / share) ** 2
-    if axis.held_n_m <= least:
+    if axis.support_stiffness_n_m <= least:
         return _too_soft(axis, least)
     needed = stiffness_for_bandwidth_n_m(screw, mass, bandwidth_rad_s, share)
-    lead = greatest_lead_by_stiffness_m(screw, needed, axis.held_n_m)
+    lead = greatest_lead_by_stiffness_m(screw, needed, axis.support_stiffness_n_m)
     return _either(_lead(screw, lead, digits.greatest), "a shorter screw")
 
 
-def against_torque(axis: Axis, drive: Transmission, screw: BallScrew, peak_n_m: float) -> str:
+def against_torque(axis: AxisSpec, drive: Transmission, screw: BallScrew, peak_n_m: float) -> str:
     """More time, unless moving without any haste takes too much."""
     steady = max(drive.steady_torque_n_m(screw, axis.load, direction) for direction in (1.0, -1.0))
     if steady < peak_n_m:
@@ -135,7 +135,7 @@ def against_torque(axis: Axis, drive: Transmission, screw: BallScrew, peak_n_m: 
 
 
 def against_heat(
-    axis: Axis, drive: Transmission, screw: BallScrew, rms_n_m: float, continuous_n_m: float
+    axis: AxisSpec, drive: Transmission, screw: BallScrew, rms_n_m: float, continuous_n_m: float
 ) -> str:
     """Longer rests, unless holding the load in them takes too much."""
     hold = drive.steady_torque_n_m(screw, axis.load, 0.0)
@@ -163,7 +163,7 @@ def _either(*steps: str) -> str:
     return f"{', '.join(others)} or {last}" if others else last
 
 
-def _supports(axis: Axis) -> str:
+def _supports(axis: AxisSpec) -> str:
     return "" if axis.mounting.support.stiffest else "stiffer supports"
 
 
@@ -177,6 +177,6 @@ def _diameter(screw: BallScrew, diameter_m: float) -> str:
     return f"a {'diameter' if screw.core_diameter_m is None else 'core'} of {digits.least(1e3 * diameter_m)} mm"
 
 
-def _too_soft(axis: Axis, needed_n_m: float) -> str:
-    (held, needed), unit = digits.shown((axis.held_n_m, needed_n_m), "N/m")
+def _too_soft(axis: AxisSpec, needed_n_m: float) -> str:
+    (held, needed), unit = digits.shown((axis.support_stiffness_n_m, needed_n_m), "N/m")
     return f"bearing and nut alone give {held} {unit} where {needed} {unit} are needed, whatever the screw: take stiffer ones"

@@ -163,10 +163,10 @@ class BallScrew(Thread):
             across * reach * (self._core_mass_kg / support.own_sag + carried_kg / support.load_sag)
         )
 
-    def stiffness_n_m(self, held_n_m: float = math.inf) -> float:
-        """k_eq at the nut, the motor held: bearing and nut (held_n_m), shaft in tension and in torsion in series (C.0.17)."""
+    def stiffness_n_m(self, support_stiffness_n_m: float = math.inf) -> float:
+        """k_eq at the nut, the motor held: bearing and nut (support_stiffness_n_m), shaft in tension and in torsion in series (C.0.17)."""
         twist = self.ratio_m_rad**2 / self.torsional_stiffness_n_m_rad
-        return 1.0 / (1.0 / held_n_m + 1.0 / self.axial_stiffness_n_m + twist)
+        return 1.0 / (1.0 / support_stiffness_n_m + 1.0 / self.axial_stiffness_n_m + twist)
 
     def antiresonance_rad_s(self, mass_kg: float, stiffness_n_m: float) -> float:
         """omega_z = sqrt(k_eq / (M + M_v / 3)): the load swings, the motor stands still (C.0.18).

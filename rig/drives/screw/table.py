@@ -13,7 +13,7 @@ from rig.drives.screw.shaft import BallScrew
 from rig.drives.screw.transmission import Transmission
 
 
-class Row(NamedTuple):
+class CyclePhaseRow(NamedTuple):
     """One phase; acceleration, forces and torque are those of its largest force, as in the source."""
 
     move: int
@@ -30,7 +30,9 @@ class Row(NamedTuple):
     peak_power_w: float  # of the motor, the largest in size; negative where it brakes
 
 
-def table(cycle: Cycle, load: AxisLoad, transmission: Transmission, screw: BallScrew) -> list[Row]:
+def table(
+    cycle: Cycle, load: AxisLoad, transmission: Transmission, screw: BallScrew
+) -> list[CyclePhaseRow]:
     """All phases of all moves."""
     known = {move: _rows(move, load, transmission, screw) for move in cycle.counts}
     return [
@@ -40,7 +42,9 @@ def table(cycle: Cycle, load: AxisLoad, transmission: Transmission, screw: BallS
     ]
 
 
-def _rows(move: Move, load: AxisLoad, transmission: Transmission, screw: BallScrew) -> list[Row]:
+def _rows(
+    move: Move, load: AxisLoad, transmission: Transmission, screw: BallScrew
+) -> list[CyclePhaseRow]:
     rows = []
     for phase in move.phases:
         at = phase.instants
@@ -48,7 +52,7 @@ def _rows(move: Move, load: AxisLoad, transmission: Transmission, screw: BallScr
         driving_w, braking_w = powers(phase, load, transmission, screw)
         k = int(np.abs(force).argmax())
         rows.append(
-            Row(
+            CyclePhaseRow(
                 0,
                 phase.number,
                 phase.duration_s,

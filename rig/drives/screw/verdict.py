@@ -6,14 +6,14 @@ from typing import NamedTuple
 
 from rig.drives.motor import TOLERANCE
 from rig.drives.screw import digits
-from rig.drives.screw.candidate import Candidate
+from rig.drives.screw.candidate import CatalogueEntry
 from rig.drives.screw.demand import ShaftDemand
 from rig.drives.screw.shaft import BallScrew
 
 KEPT, BROKEN, UNDECIDED, NOT_ASKED = "kept", "broken", "not decidable", "not asked"
 
 
-class Check(NamedTuple):
+class LimitCheck(NamedTuple):
     """One limit. value <= bound, or >= with at_least; a bound of None is not asked, unless `missing` says what lacks.
 
     Values and bounds are above 0; a value may be 0 where it has an upper bound.
@@ -61,10 +61,10 @@ class Check(NamedTuple):
 class Assessment(NamedTuple):
     """A candidate's checks."""
 
-    candidate: Candidate
+    candidate: CatalogueEntry
     screw: BallScrew
     shaft: ShaftDemand
-    checks: tuple[Check, ...]
+    checks: tuple[LimitCheck, ...]
 
     @property
     def admissible(self) -> bool:
@@ -72,12 +72,12 @@ class Assessment(NamedTuple):
         return not self.broken
 
     @property
-    def broken(self) -> list[Check]:
+    def broken(self) -> list[LimitCheck]:
         """The checks that fail."""
         return [check for check in self.checks if check.state == BROKEN]
 
     @property
-    def undecided(self) -> list[Check]:
+    def undecided(self) -> list[LimitCheck]:
         """The checks for which the catalogue says too little."""
         return [check for check in self.checks if check.state == UNDECIDED]
 
@@ -87,7 +87,7 @@ class Assessment(NamedTuple):
         return [check.note for check in self.checks if check.note]
 
     @property
-    def tightest(self) -> Check:
+    def tightest(self) -> LimitCheck:
         """The decided check with the least margin; a class that does is no tight one."""
         decided = [
             c

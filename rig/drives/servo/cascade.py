@@ -18,9 +18,17 @@ import numpy as np
 from rig.drives.servo.block import Block, check_period
 from rig.drives.servo.errors import check_datum, check_range
 from rig.drives.servo.notch import Notch
-from rig.drives.servo.setpoint import Setpoint
+from rig.drives.servo.setpoint import MotorSetpoint
 from rig.drives.servo.two_mass import TwoMass
-from rig.drives.servo.wiring import SETPOINT, TORQUES, Loop, disturbed, named, position_loop, wire
+from rig.drives.servo.wiring import (
+    SETPOINT,
+    TORQUES,
+    ControlLoop,
+    input_disturbance,
+    interconnect,
+    position_loop,
+    rename,
+)
 
 Where = Literal["inside", "upstream"]  # of the speed loop
 
@@ -74,21 +82,21 @@ class Cascade:
             **others,
         )
 
-    def speed_loop(self, joint: TwoMass, notch: Notch | None = None) -> Loop:
+    def speed_loop(self, joint: TwoMass, notch: Notch | None = None) -> ControlLoop:
         """Continuous, with a notch inside if given: speed_setpoint, motor_torque, load_torque to motor_speed, load_speed."""
         import control
 
         inner = [*self._inner(notch), _speeds(joint)]
         outputs = ["motor_speed", "load_speed"]
-        closed = wire([*inner, disturbed()], ["speed_setpoint", *TORQUES], outputs)
-        forward = wire(inner, ["speed_setpoint", "torque"], ["drive_torque"])
-        return Loop(
+        closed = interconnect([*inner, input_disturbance()], ["speed_setpoint", *TORQUES], outputs)
+        forward = interconnect(inner, ["speed_setpoint", "torque"], ["drive_torque"])
+        return ControlLoop(
             -control.ss(forward["drive_torque", "torque"]), closed, "speed_setpoint", "motor_speed"
         )
 
     def position_loop(
         self, joint: TwoMass, notch: Notch | None = None, where: Where = "inside"
-    ) -> Loop:
+    ) -> ControlLoop:
         """Continuous: the Setpoint, motor_torque, load_torque to motor_angle, motor_speed, load_angle, load_speed."""
         inside, upstream = _placed(notch, where)
         return position_loop(
@@ -112,7 +120,7 @@ class Cascade:
         )
         pi = control.ss(1.0, ki, 1.0, kp + ki, period_s, inputs="speed_error", outputs="pi_torque")
         blocks = [encoder, pi, *self._torques(inside), *self._outer(upstream)]
-        return wire(blocks, [*SETPOINT, "motor_angle"], ["drive_torque"])
+        return interconnect(blocks, [*SETPOINT, "motor_angle"], ["drive_torque"])
 
     def _inner(self, notch: Notch | None) -> list[Any]:
         """Speed to torque, continuous."""
@@ -120,7 +128,7 @@ class Cascade:
 
         kp, ki = self.speed_gain_n_m_s_rad, self.speed_gain_n_m_s_rad / self.reset_time_s
         lag = control.tf([1.0], [self.speed_filter_s, 1.0]) if self.speed_filter_s else None
-        encoder = named(lag, "motor_speed", "speed")
+        encoder = rename(lag, "motor_speed", "speed")
         pi = control.ss(0.0, ki, 1.0, kp, inputs="speed_error", outputs="pi_torque")
         return [encoder, pi, *self._torques(notch and notch.system)]
 
@@ -138,7 +146,7 @@ class Cascade:
                 inputs=["pi_torque", "setpoint_acceleration"],
                 outputs="wanted_torque",
             ),
-            named(notch, "wanted_torque", "drive_torque"),
+            rename(notch, "wanted_torque", "drive_torque"),
         ]
 
     def _outer(self, notch: Any | None) -> list[Any]:
@@ -150,7 +158,7 @@ class Cascade:
             control.ss(
                 [], [], [], gains, inputs=["angle_error", "setpoint_speed"], outputs="speed_wish"
             ),
-            named(notch, "speed_wish", "speed_setpoint"),
+            rename(notch, "speed_wish", "speed_setpoint"),
         ]
 
 
@@ -174,7 +182,7 @@ class CascadeController:
         )
         self.reset()
 
-    def step(self, setpoint: Setpoint, motor_angle_rad: float) -> float:
+    def step(self, setpoint: MotorSetpoint, motor_angle_rad: float) -> float:
         """Torque [N m] to hold until the next sample."""
         d = self.design
         wish = (

@@ -16,11 +16,18 @@ import numpy as np
 
 from planners.trajectories.pieces import ComplexArray, FloatArray
 from rig.drives.servo.errors import Improper, ServoError, check_datum, check_range
-from rig.drives.servo.loops import Mode, modes
+from rig.drives.servo.loops import PolePair, pole_pairs
 from rig.drives.servo.two_mass import TwoMass
-from rig.drives.servo.wiring import STATES, TORQUES, Loop, disturbed, driven, wire
+from rig.drives.servo.wiring import (
+    STATES,
+    TORQUES,
+    ControlLoop,
+    input_disturbance,
+    interconnect,
+    plant,
+)
 
-HIGHEST_ORDER = 8
+MAX_FILTER_ORDER = 8
 Kind = Literal["binomial", "butterworth"]
 Measured = Literal["speed", "angle"]
 Place = Literal["motor", "load"]
@@ -51,7 +58,7 @@ class LowPass:
 
     def __post_init__(self) -> None:
         check_datum("time_constant_s", self.time_constant_s)
-        check_range("order", self.order, 1, HIGHEST_ORDER, "1 or 2 is usual")
+        check_range("order", self.order, 1, MAX_FILTER_ORDER, "1 or 2 is usual")
 
     @property
     def denominator(self) -> FloatArray:
@@ -164,7 +171,7 @@ class ObserverDesign:
             else np.zeros(0, dtype=np.complex128)
         )
 
-    def loop(self, joint: TwoMass) -> Loop:
+    def loop(self, joint: TwoMass) -> ControlLoop:
         """Continuous, opened where the observer's torque enters the motor; closed from the controller's torque, wanted_torque.
 
         Opened it is (Q / (1 - Q)) P / Pn, so that gain and phase margin tell what the joint may differ from the nominal.
@@ -174,19 +181,19 @@ class ObserverDesign:
         own = self.estimator()
         own = control.ss(own, inputs=["drive_torque", own.input_labels[1]], outputs="added_torque")
         blocks = [
-            driven(joint),
+            plant(joint),
             own,
             control.summing_junction(["wanted_torque", "added_torque"], "drive_torque"),
         ]
-        closed = wire([*blocks, disturbed()], ["wanted_torque", *TORQUES], STATES)
-        forward = wire(blocks, ["wanted_torque", "torque"], ["drive_torque"])
-        return Loop(
+        closed = interconnect([*blocks, input_disturbance()], ["wanted_torque", *TORQUES], STATES)
+        forward = interconnect(blocks, ["wanted_torque", "torque"], ["drive_torque"])
+        return ControlLoop(
             -control.ss(forward["drive_torque", "torque"]), closed, "wanted_torque", "motor_speed"
         )
 
-    def least_damped(self, joint: TwoMass) -> Mode:
+    def least_damped(self, joint: TwoMass) -> PolePair:
         """Of the poles that a torque on the motor moves, Q's included; damping 1 where nothing swings, < 0 if unstable."""
-        return min(modes(self.poles_1_s(joint)), key=lambda mode: mode.damping)
+        return min(pole_pairs(self.poles_1_s(joint)), key=lambda mode: mode.damping)
 
     def disturbance(self, joint: TwoMass, torque: Place, speed: Place) -> Ratio:
         """From a torque that is not the controller's to a speed [rad/s per N m], both at the motor's side of the gear."""

@@ -8,8 +8,8 @@ from typing import Any
 from rig.drives.servo.block import Block, check_period, discretise
 from rig.drives.servo.disturbance_design import ObserverDesign
 from rig.drives.servo.errors import check_below_nyquist, check_range
-from rig.drives.servo.setpoint import Controller, Setpoint
-from rig.drives.servo.wiring import SETPOINT, wire
+from rig.drives.servo.setpoint import DriveController, MotorSetpoint
+from rig.drives.servo.wiring import SETPOINT, interconnect
 
 
 class DisturbanceObserver:
@@ -63,7 +63,7 @@ class DisturbanceObserver:
         own = control.ss(
             self._block.system, inputs=["applied_before", "speed"], outputs="added_torque"
         )
-        return wire([difference, own], ["applied_before", "motor_angle"], ["added_torque"])
+        return interconnect([difference, own], ["applied_before", "motor_angle"], ["added_torque"])
 
 
 class Compensated:
@@ -74,7 +74,7 @@ class Compensated:
 
     def __init__(
         self,
-        controller: Controller,
+        controller: DriveController,
         observer: DisturbanceObserver,
         torque_limit_n_m: float = math.inf,
     ) -> None:
@@ -93,7 +93,7 @@ class Compensated:
         )
         self._applied = 0.0
 
-    def step(self, setpoint: Setpoint, motor_angle_rad: float) -> float:
+    def step(self, setpoint: MotorSetpoint, motor_angle_rad: float) -> float:
         """Torque [N m] to hold until the next sample."""
         added = self.observer.step(self._applied, motor_angle_rad)
         wanted = self.controller.step(setpoint, motor_angle_rad) + added
@@ -124,6 +124,6 @@ class Compensated:
             outputs="applied_before",
         )
         both = control.summing_junction(["wanted_torque", "added_torque"], "drive_torque")
-        return wire(
+        return interconnect(
             [own, self.observer.system, before, both], [*SETPOINT, "motor_angle"], ["drive_torque"]
         )

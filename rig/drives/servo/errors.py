@@ -9,7 +9,7 @@ class ServoError(Exception):
     """Root of everything rig/drives/servo/ raises, e.g. `period_s = -1; must be > 0: give the drive's sample time`."""
 
 
-class NotReachable(ServoError):
+class NotControllable(ServoError):
     """The input does not move a state that is to be moved, e.g. a load behind a coupling without stiffness."""
 
 

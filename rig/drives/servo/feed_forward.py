@@ -92,7 +92,7 @@ class LoadFilter:
             )
 
 
-class Lead(NamedTuple):
+class FeedForward(NamedTuple):
     """A sampled block from setpoint (angle, speed, acceleration) to what the loop is told: nominal states (4), nominal torque,
     and the motor angle that the integral compares. Matrices as in x+ = a x + b u, y = c x + d u."""
 
@@ -164,14 +164,14 @@ def nominal(joint: TwoMass, load_filter: LoadFilter) -> Any:
     )
 
 
-def none(joint: TwoMass, period_s: float, load_filter: LoadFilter) -> Lead:
+def none(joint: TwoMass, period_s: float, load_filter: LoadFilter) -> FeedForward:
     """The setpoint's angle to the integral, and no more."""
     d = np.zeros((6, 3))
     d[5, 0] = 1.0
     return _static(d)
 
 
-def rigid(joint: TwoMass, period_s: float, load_filter: LoadFilter) -> Lead:
+def rigid(joint: TwoMass, period_s: float, load_filter: LoadFilter) -> FeedForward:
     """States [q, q', q, q'] and the torque (Jm + Jlr) q'' + (Dm + Dlr) q' of a joint that does not yield."""
     d = np.zeros((6, 3))
     d[[0, 2, 5], 0] = 1.0
@@ -180,7 +180,7 @@ def rigid(joint: TwoMass, period_s: float, load_filter: LoadFilter) -> Lead:
     return _static(d)
 
 
-def dynamic(joint: TwoMass, period_s: float, load_filter: LoadFilter) -> Lead:
+def dynamic(joint: TwoMass, period_s: float, load_filter: LoadFilter) -> FeedForward:
     """The nominal states now and the mean of the nominal torque until the next sample, as the torque is held; between samples
     the setpoint goes on with its speed and acceleration. Raises Improper for a filter of too low a relative degree."""
     from scipy.linalg import expm
@@ -198,17 +198,19 @@ def dynamic(joint: TwoMass, period_s: float, load_filter: LoadFilter) -> Lead:
     c, d = np.zeros((6, n)), np.zeros((6, 3))
     c[:4], c[5] = system.C[:4], system.C[0]
     c[4], d[4] = after[n + 3, :n] / period_s, after[n + 3, n : n + 3] / period_s
-    return Lead(after[:n, :n], after[:n, n : n + 3], c, d)
+    return FeedForward(after[:n, :n], after[:n, n : n + 3], c, d)
 
 
-FEED_FORWARD: dict[str, Callable[[TwoMass, float, LoadFilter], Lead]] = {
+FEED_FORWARD: dict[str, Callable[[TwoMass, float, LoadFilter], FeedForward]] = {
     "none": none,
     "rigid": rigid,
     "dynamic": dynamic,
 }
 
 
-def lead(name: str, joint: TwoMass, period_s: float, load_filter: LoadFilter | None = None) -> Lead:
+def feed_forward_block(
+    name: str, joint: TwoMass, period_s: float, load_filter: LoadFilter | None = None
+) -> FeedForward:
     """By name; without a filter the binomial one of the least degree. Raises ServoError for an unknown name, Improper."""
     if name not in FEED_FORWARD:
         raise ServoError(str(unknown_name("feed_forward", name, FEED_FORWARD)))
@@ -226,5 +228,5 @@ def _padded(polynomials: list[FloatArray], length: int) -> FloatArray:
     return rows
 
 
-def _static(d: FloatArray) -> Lead:
-    return Lead(np.zeros((0, 0)), np.zeros((0, 3)), np.zeros((6, 0)), d)
+def _static(d: FloatArray) -> FeedForward:
+    return FeedForward(np.zeros((0, 0)), np.zeros((0, 3)), np.zeros((6, 0)), d)

@@ -15,7 +15,7 @@ LEAST = 1e-9  # a gain margin below is the rounding of 0
 REAL = 1e-9  # imaginary part of a real pole, as a share of its size
 
 
-class Mode(NamedTuple):
+class PolePair(NamedTuple):
     """A pole, or one pair of conjugate ones: |p| and -Re p / |p|; a real pole has damping 1, an unstable one -1."""
 
     frequency_rad_s: float
@@ -26,13 +26,13 @@ class Margins(NamedTuple):
     """Of a loop opened at one place, if it is stable closed; inf or 0 where the loop never gets there."""
 
     gain: float  # by which the gain may grow
-    least_gain: float  # to which it may fall
+    lower_gain_margin: float  # to which it may fall
     phase_deg: float
     crossover_rad_s: float  # of |L| = 1 with that phase
     sensitivity: float  # largest |1 / (1 + L)|
 
 
-class Facts(NamedTuple):
+class LoopAnalysis(NamedTuple):
     """A closed loop in numbers."""
 
     poles_1_s: ComplexArray  # of a discrete loop log(z) / period
@@ -41,9 +41,9 @@ class Facts(NamedTuple):
     condition: float  # of its eigenvectors, see condition()
 
     @property
-    def modes(self) -> tuple[Mode, ...]:
+    def modes(self) -> tuple[PolePair, ...]:
         """Slowest first."""
-        return modes(self.poles_1_s)
+        return pole_pairs(self.poles_1_s)
 
     @property
     def stable(self) -> bool:
@@ -51,9 +51,9 @@ class Facts(NamedTuple):
         return bool(np.all(self.poles_1_s.real < 0.0))
 
 
-def facts(opened: Any, closed: Any) -> Facts:
+def analyse_loop(opened: Any, closed: Any) -> LoopAnalysis:
     """Of a loop (control.StateSpace or TransferFunction) opened at the plant's input, and closed from setpoint to output."""
-    return Facts(poles(closed), zeros(closed), margins(opened), condition(closed))
+    return LoopAnalysis(poles(closed), zeros(closed), margins(opened), condition(closed))
 
 
 def poles(system: Any) -> ComplexArray:
@@ -67,19 +67,19 @@ def zeros(system: Any) -> ComplexArray:
     return continuous(found[np.isfinite(found)], system.dt)
 
 
-def modes(poles_1_s: ComplexArray | FloatArray) -> tuple[Mode, ...]:
+def pole_pairs(poles_1_s: ComplexArray | FloatArray) -> tuple[PolePair, ...]:
     """One of each conjugate pair, slowest first; a pole at 0 counts as damping 1."""
     kept = [
         p for p in np.asarray(poles_1_s, dtype=np.complex128).tolist() if p.imag >= -REAL * abs(p)
     ]
-    rows = [Mode(abs(p), -p.real / abs(p) if abs(p) else 1.0) for p in kept]
+    rows = [PolePair(abs(p), -p.real / abs(p) if abs(p) else 1.0) for p in kept]
     return tuple(sorted(rows))
 
 
-def swinging(poles_1_s: ComplexArray | FloatArray) -> tuple[Mode, ...]:
+def swinging(poles_1_s: ComplexArray | FloatArray) -> tuple[PolePair, ...]:
     """Those of the modes that are conjugate pairs."""
     kept = [p for p in np.asarray(poles_1_s, dtype=np.complex128) if abs(p.imag) > 1e-6 * abs(p)]
-    return modes(np.array(kept))
+    return pole_pairs(np.array(kept))
 
 
 def margins(opened: Any) -> Margins:
@@ -107,7 +107,7 @@ def margins(opened: Any) -> Margins:
         crossover = 2.0 / period_s * math.atan(crossover * period_s / 2.0)
     return Margins(
         gain=float(min(gains[gains > 1.0], default=math.inf)),
-        least_gain=float(max(gains[(gains < 1.0) & (gains > LEAST)], default=0.0)),
+        lower_gain_margin=float(max(gains[(gains < 1.0) & (gains > LEAST)], default=0.0)),
         phase_deg=math.inf if nearest is None else float(phases[nearest]),
         crossover_rad_s=crossover,
         sensitivity=1.0 / float(min(*distances, abs(1.0 + end), math.inf)),

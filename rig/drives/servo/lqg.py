@@ -11,9 +11,9 @@ import numpy as np
 from planners.trajectories.pieces import FloatArray
 from rig.drives.servo.errors import check_range
 from rig.drives.servo.estimator import ENCODER, Estimator, SampledEstimator
-from rig.drives.servo.feed_forward import Lead, LoadFilter, lead
-from rig.drives.servo.loops import Facts, facts
-from rig.drives.servo.setpoint import Setpoint
+from rig.drives.servo.feed_forward import FeedForward, LoadFilter, feed_forward_block
+from rig.drives.servo.loops import LoopAnalysis, analyse_loop
+from rig.drives.servo.setpoint import MotorSetpoint
 from rig.drives.servo.state_feedback import Feedback, sampled_joint
 from rig.drives.servo.two_mass import TwoMass
 from rig.drives.servo.wiring import SETPOINT
@@ -51,12 +51,12 @@ class StateSpaceController:
             "take it from the drive's data sheet",
         )
         self._period_s, self._limit_n_m = period_s, torque_limit_n_m
-        ahead = lead(feed_forward, joint, period_s, load_filter)
+        ahead = feed_forward_block(feed_forward, joint, period_s, load_filter)
         self._row, self._next = _fold(joint, feedback, estimator, ahead, period_s)
         self._states = STATES + len(ahead.a)
         self._v: FloatArray = np.zeros(self._next.shape[1])
 
-    def step(self, setpoint: Setpoint, motor_angle_rad: float) -> float:
+    def step(self, setpoint: MotorSetpoint, motor_angle_rad: float) -> float:
         """Torque [N m] to hold until the next sample, for the encoder's angle now."""
         v, n = self._v, self._states
         v[n : n + 3] = setpoint
@@ -109,7 +109,7 @@ def compensator(joint: TwoMass, feedback: Feedback, estimator: Estimator) -> Any
     return control.ss(a, inputs, k[None], [[0.0, 0.0, 1.0]], inputs=names, outputs=["motor_torque"])
 
 
-def continuous_facts(joint: TwoMass, feedback: Feedback, estimator: Estimator) -> Facts:
+def continuous_facts(joint: TwoMass, feedback: Feedback, estimator: Estimator) -> LoopAnalysis:
     """Of the continuous loop with its observer: opened at the motor's torque, closed from reference to motor angle."""
     import control
 
@@ -121,14 +121,14 @@ def continuous_facts(joint: TwoMass, feedback: Feedback, estimator: Estimator) -
     closed = control.interconnect(
         [plant, controller], inplist=["reference"], outlist=["motor_angle"], check_unused=False
     )
-    return facts(opened, closed)
+    return analyse_loop(opened, closed)
 
 
 def _fold(
     joint: TwoMass,
     feedback: Feedback,
     estimator: Estimator | SampledEstimator,
-    ahead: Lead,
+    ahead: FeedForward,
     period_s: float,
 ) -> tuple[FloatArray, FloatArray]:
     """The torque's row (n + 4,) and the next states' matrix (n, n + 6), n = 5 + states of the feed-forward."""

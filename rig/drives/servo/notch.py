@@ -16,7 +16,7 @@ import numpy as np
 from planners.trajectories.pieces import FloatArray
 from rig.drives.servo.block import check_period, discretise
 from rig.drives.servo.errors import ServoError, check_below_nyquist, check_datum, check_range
-from rig.drives.servo.loops import Mode
+from rig.drives.servo.loops import PolePair
 
 DEEPEST_BAND = math.sqrt(0.5)  # a shallower notch is nowhere 3 dB down: no band
 MOST_DAMPING = 100.0  # of the poles
@@ -42,7 +42,7 @@ class Notch:
             )
 
     @classmethod
-    def tuned_to(cls, mode: Mode, denominator_damping: float = 1.0) -> Notch:
+    def tuned_to(cls, mode: PolePair, denominator_damping: float = 1.0) -> Notch:
         """Zeros on a pair of poles. Raises ServoError for a pair damped like the denominator, or unstable."""
         return cls(
             frequency_rad_s=mode.frequency_rad_s,

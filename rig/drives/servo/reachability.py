@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planners.trajectories.pieces import FloatArray
-from rig.drives.servo.errors import NotObservable, NotReachable, ServoError
+from rig.drives.servo.errors import NotControllable, NotObservable, ServoError
 from rig.drives.servo.two_mass import TwoMass
 
 BOUND = 1e-8  # of the measure: gains would lose half their digits to rounding
@@ -33,7 +33,7 @@ class Units(NamedTuple):
         return Units(1.0 / self.states, self.rate_1_s)
 
 
-class Reach(NamedTuple):
+class ModeControllability(NamedTuple):
     """How far an eigenvalue is from being out of reach."""
 
     eigenvalue_1_s: complex
@@ -56,7 +56,9 @@ def balanced(a: FloatArray) -> Units:
     )
 
 
-def reach(a: FloatArray, b: FloatArray, units: Units | None = None) -> tuple[Reach, ...]:
+def mode_controllability(
+    a: FloatArray, b: FloatArray, units: Units | None = None
+) -> tuple[ModeControllability, ...]:
     """Of the state matrix a (n, n) with the input b (n,), one a mode, the hardest first (Hautus 1969).
 
     Without units the matrix is balanced. Raises ServoError for shapes that do not fit and for what is not finite.
@@ -69,18 +71,18 @@ def reach(a: FloatArray, b: FloatArray, units: Units | None = None) -> tuple[Rea
     for value in np.linalg.eigvals(scaled):
         pencil = np.column_stack([scaled - value * np.eye(len(a)), column])
         rows.append(
-            Reach(
+            ModeControllability(
                 complex(value * units.rate_1_s), float(np.linalg.svd(pencil, compute_uv=False)[-1])
             )
         )
     return tuple(sorted(rows, key=lambda row: row.measure))
 
 
-def check_reachable(a: FloatArray, b: FloatArray, units: Units | None = None) -> None:
+def check_controllable(a: FloatArray, b: FloatArray, units: Units | None = None) -> None:
     """Raises NotReachable unless the input b (n,) moves every mode of a (n, n); ServoError for shapes that do not fit."""
-    hardest = reach(a, b, units)[0]
+    hardest = mode_controllability(a, b, units)[0]
     if not hardest.measure > BOUND:
-        raise NotReachable(
+        raise NotControllable(
             f"the mode at {_told(hardest.eigenvalue_1_s)} 1/s is not reached by the input: measure = {hardest.measure:.3g}; "
             f"must be > {BOUND:g}: couple it to the input (stiffness, damper), move the actuator, or leave it out"
         )
@@ -88,7 +90,7 @@ def check_reachable(a: FloatArray, b: FloatArray, units: Units | None = None) ->
 
 def check_observable(a: FloatArray, c: FloatArray, units: Units | None = None) -> None:
     """Raises NotObservable unless the sensor c (n,) shows every mode of a (n, n); ServoError for shapes that do not fit."""
-    hardest = reach(np.asarray(a).T, c, units and units.dual)[0]
+    hardest = mode_controllability(np.asarray(a).T, c, units and units.dual)[0]
     if not hardest.measure > BOUND:
         raise NotObservable(
             f"the mode at {_told(hardest.eigenvalue_1_s)} 1/s is not seen by the sensor: measure = {hardest.measure:.3g}; "

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple, Protocol
 
 
-class Setpoint(NamedTuple):
+class MotorSetpoint(NamedTuple):
     """Where the load should be, told at the motor's shaft: n times the load's angle and its derivatives."""
 
     angle_rad: float
@@ -13,10 +13,10 @@ class Setpoint(NamedTuple):
     acceleration_rad_s2: float = 0.0
 
 
-class Controller(Protocol):
+class DriveController(Protocol):
     """One step a sample, no input or output of its own. Starts at rest at 0."""
 
-    def step(self, setpoint: Setpoint, motor_angle_rad: float) -> float:
+    def step(self, setpoint: MotorSetpoint, motor_angle_rad: float) -> float:
         """Torque [N m] to hold until the next sample, for the encoder's angle now."""
         ...
 

@@ -30,14 +30,16 @@ from rig.drives.servo.errors import (
     check_datum,
     check_range,
 )
-from rig.drives.servo.loops import Mode
-from rig.drives.servo.setpoint import Setpoint
+from rig.drives.servo.loops import PolePair
+from rig.drives.servo.setpoint import MotorSetpoint
 
 MOST_DAMPING = 0.99  # of a mode; one that swings less needs no shaper
 MOST_SAMPLES = 1_000_000  # of delay
 OFF_GRID = 1e-6  # of the sample time; an impulse nearer to a sample is there
 LEAST_SUM = 0.5  # of divided amplitudes; those of positive ones sum to 1 or more without damping
-MERE = 1e-13  # of the largest swing an impulse makes; one that makes less is left out
+NEGLIGIBLE_SWING_REL = (
+    1e-13  # of the largest swing an impulse makes; one that makes less is left out
+)
 
 
 class ShaperFacts(NamedTuple):
@@ -50,14 +52,14 @@ class ShaperFacts(NamedTuple):
     duration_s: float
 
 
-def rate_1_s(mode: Mode) -> complex:
+def rate_1_s(mode: PolePair) -> complex:
     """The mode's eigenvalue -zeta w + j w sqrt(1 - zeta^2). Raises ServoError for a mode that hardly swings, or grows."""
     check_datum("frequency_rad_s", mode.frequency_rad_s)
     check_range("damping", mode.damping, 0.0, MOST_DAMPING, "what hardly swings needs no shaper")
     return mode.frequency_rad_s * complex(-mode.damping, math.sqrt(1.0 - mode.damping**2))
 
 
-def design(name: str, modes: Sequence[Mode], period_s: float) -> Shaper:
+def design(name: str, modes: Sequence[PolePair], period_s: float) -> Shaper:
     """One of SHAPERS for each mode, on the samples, one after the other: V = 0 at every mode if the shaper has it so.
 
     Raises PlanError for an unknown name and for too much damping for this shaper, ServoError for modes that do not swing,
@@ -72,7 +74,7 @@ def design(name: str, modes: Sequence[Mode], period_s: float) -> Shaper:
     return convolve(*(on_grid(SHAPERS[name](rate_1_s(mode)), mode, period_s) for mode in modes))
 
 
-def on_grid(shaper: Shaper, mode: Mode, period_s: float) -> Shaper:
+def on_grid(shaper: Shaper, mode: PolePair, period_s: float) -> Shaper:
     """The shaper with its impulses on whole sample times, up to twice as many; at most a sample longer.
 
     What it leaves of the mode, against no shaper at the same instant, is what the shaper itself does over the sum of the
@@ -92,7 +94,7 @@ def on_grid(shaper: Shaper, mode: Mode, period_s: float) -> Shaper:
             "or take zv, which has no negative ones"
         )
     swings = np.abs(line) * np.exp(-rate.real * period_s * np.arange(line.size))
-    kept = np.flatnonzero(swings > MERE * swings.max())
+    kept = np.flatnonzero(swings > NEGLIGIBLE_SWING_REL * swings.max())
     return Shaper(line[kept] / total, period_s * kept.astype(np.float64))
 
 
@@ -113,7 +115,7 @@ def _divided(shaper: Shaper, rate_1_s: complex, period_s: float) -> FloatArray:
     return line
 
 
-def facts(shaper: Shaper, mode: Mode) -> ShaperFacts:
+def analyse_shaper(shaper: Shaper, mode: PolePair) -> ShaperFacts:
     """Of any shaper, on the samples or not, at one mode. Raises ServoError for a mode that does not swing."""
     rate = rate_1_s(mode)
     width = insensitivity(lambda _: shaper, rate)
@@ -140,10 +142,10 @@ class ShapedSetpoint:
         self._taps: list[tuple[float, int]] = list(
             zip(shaper.amplitudes.tolist(), delays.tolist(), strict=True)
         )
-        self._line = [Setpoint(0.0)] * (int(delays[-1]) + 1)  # a ring
+        self._line = [MotorSetpoint(0.0)] * (int(delays[-1]) + 1)  # a ring
         self._now = 0  # where the next setpoint goes; older ones lie before it
 
-    def step(self, setpoint: Setpoint) -> Setpoint:
+    def step(self, setpoint: MotorSetpoint) -> MotorSetpoint:
         """The shaped setpoint now, for the one that is asked for now."""
         line, now = self._line, self._now
         line[now] = setpoint
@@ -154,9 +156,9 @@ class ShapedSetpoint:
             speed += amplitude * then[1]
             acceleration += amplitude * then[2]
         self._now = now + 1 if now + 1 < len(line) else 0
-        return Setpoint(angle, speed, acceleration)
+        return MotorSetpoint(angle, speed, acceleration)
 
     def reset(self) -> None:
         """Back to rest at 0."""
-        self._line[:] = [Setpoint(0.0)] * len(self._line)
+        self._line[:] = [MotorSetpoint(0.0)] * len(self._line)
         self._now = 0

@@ -18,8 +18,8 @@ import numpy as np
 from planners.trajectories.pieces import ComplexArray, FloatArray
 from rig.drives.servo.block import check_period
 from rig.drives.servo.errors import PolesOutOfReach, ServoError, check_below_nyquist, check_range
-from rig.drives.servo.loops import Facts, facts
-from rig.drives.servo.reachability import Units, check_reachable, own_units
+from rig.drives.servo.loops import LoopAnalysis, analyse_loop
+from rig.drives.servo.reachability import Units, check_controllable, own_units
 from rig.drives.servo.riccati import least_cost
 from rig.drives.servo.two_mass import TwoMass
 
@@ -58,14 +58,14 @@ class Feedback:
         f, g = augmented(joint)
         return np.asarray(np.linalg.eigvals(f + np.outer(g, self.row)), dtype=np.complex128)
 
-    def facts(self, joint: TwoMass) -> Facts:
+    def facts(self, joint: TwoMass) -> LoopAnalysis:
         """With every state measured: opened at the motor's torque, closed from reference to motor angle."""
         import control
 
         f, g = augmented(joint)
         opened = control.ss(f, g[:, None], -self.row, 0.0)
         closed = control.ss(f + np.outer(g, self.row), np.eye(5)[:, 4:], np.eye(5)[:1], 0.0)
-        return facts(opened, closed)
+        return analyse_loop(opened, closed)
 
     def sampled(self, joint: TwoMass, period_s: float) -> Feedback:
         """The gains that give the sampled joint, its torque held, the same poles, at exp(pole period), with
@@ -145,7 +145,7 @@ def assign(
     """
     f, g = augmented(joint)
     wanted, units = check_poles(poles_1_s, 5, period_s), augmented_units(joint)
-    check_reachable(f, g, units)
+    check_controllable(f, g, units)
     return _feedback(assign_eigenvalues(f, g, wanted, units))
 
 
@@ -166,7 +166,7 @@ def lq(
     check_range("torque_weight", torque_weight, 1e-12, 1e12, "1 leaves the scale to the weights")
     f, g = augmented(joint)
     units = augmented_units(joint)
-    check_reachable(f, g, units)
+    check_controllable(f, g, units)
     given = f"weights = {q.tolist()}, torque_weight = {torque_weight}"
     return _feedback(
         -least_cost(

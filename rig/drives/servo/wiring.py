@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planners.trajectories.pieces import ComplexArray
-from rig.drives.servo.loops import Facts, continuous, facts
+from rig.drives.servo.loops import LoopAnalysis, analyse_loop, continuous
 from rig.drives.servo.two_mass import TwoMass
 
 SETPOINT = ["setpoint_angle", "setpoint_speed", "setpoint_acceleration"]
@@ -19,7 +19,7 @@ STATES = ["motor_angle", "motor_speed", "load_angle", "load_speed"]
 HIDDEN = 1e-7  # a mode that the setpoint reaches less than this (1 = fully) is cancelled
 
 
-class Loop(NamedTuple):
+class ControlLoop(NamedTuple):
     """opened at the plant's input, L = P C with negative feedback; closed from setpoint and disturbances to the joint.
 
     control.StateSpace both, continuous or sampled. closed keeps modes that a notch cancels. setpoint and output name its
@@ -32,9 +32,9 @@ class Loop(NamedTuple):
     output: str
 
     @property
-    def facts(self) -> Facts:
+    def facts(self) -> LoopAnalysis:
         """Poles (hidden ones too), zeros of the main channel, margins at the plant's input, condition of the eigenvectors."""
-        return facts(self.opened, self.closed[self.output, self.setpoint])
+        return analyse_loop(self.opened, self.closed[self.output, self.setpoint])
 
     @property
     def shown_poles_1_s(self) -> ComplexArray:
@@ -58,21 +58,21 @@ class Loop(NamedTuple):
         return continuous(kept, self.closed.dt)
 
 
-def position_loop(joint: TwoMass, controller: list[Any], period_s: float = 0.0) -> Loop:
+def position_loop(joint: TwoMass, controller: list[Any], period_s: float = 0.0) -> ControlLoop:
     """Blocks from setpoint_angle, setpoint_speed, setpoint_acceleration and motor_angle or motor_speed to drive_torque, around
     the joint; with a sample time, sampled blocks around a joint whose torque is held.
     """
     import control
 
-    blocks = [*controller, driven(joint, period_s)]
-    closed = wire([*blocks, disturbed()], [*SETPOINT, *TORQUES], STATES)
-    forward = wire(blocks, [*SETPOINT, "torque"], ["drive_torque"])
-    return Loop(
+    blocks = [*controller, plant(joint, period_s)]
+    closed = interconnect([*blocks, input_disturbance()], [*SETPOINT, *TORQUES], STATES)
+    forward = interconnect(blocks, [*SETPOINT, "torque"], ["drive_torque"])
+    return ControlLoop(
         -control.ss(forward["drive_torque", "torque"]), closed, "setpoint_angle", "motor_angle"
     )
 
 
-def driven(joint: TwoMass, period_s: float = 0.0) -> Any:
+def plant(joint: TwoMass, period_s: float = 0.0) -> Any:
     """joint.plant from torque and load_torque; with a sample time, both held for it."""
     import control
 
@@ -80,7 +80,7 @@ def driven(joint: TwoMass, period_s: float = 0.0) -> Any:
     return control.ss(plant, inputs=["torque", "load_torque"], outputs=STATES)
 
 
-def named(system: Any | None, source: str, target: str) -> Any:
+def rename(system: Any | None, source: str, target: str) -> Any:
     """The block under its names; without one what comes goes through."""
     import control
 
@@ -88,14 +88,14 @@ def named(system: Any | None, source: str, target: str) -> Any:
     return control.ss(passing if system is None else system, inputs=source, outputs=target)
 
 
-def disturbed() -> Any:
+def input_disturbance() -> Any:
     """The drive's torque and a disturbance of the motor, in one."""
     import control
 
     return control.summing_junction(["drive_torque", "motor_torque"], "torque")
 
 
-def wire(blocks: list[Any], inputs: list[str], outputs: list[str]) -> Any:
+def interconnect(blocks: list[Any], inputs: list[str], outputs: list[str]) -> Any:
     """Connect what bears the same name (control.StateSpace)."""
     import control
 

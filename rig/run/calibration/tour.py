@@ -19,7 +19,7 @@ from rig.analysis.identify.offsets import OffsetCalibration, Watch, calibrate_of
 from rig.analysis.run_log import SETTLE_S, RunLog
 from rig.run.calibration.file import Calibration
 from rig.run.config import Experiment
-from rig.run.load_model import belief
+from rig.run.load_model import load_model
 
 POINTS_M = (-0.2, -0.1, 0.0, 0.1, 0.2)
 HOP_S = 2.0
@@ -49,7 +49,7 @@ def experiment_for(base: Experiment) -> Experiment:
 def tour(experiment: Experiment, points_m: tuple[float, ...] = POINTS_M) -> Tour:
     """From the start through the points and back, each hop planned not to swing."""
     e = experiment
-    model = belief(e)
+    model = load_model(e)
     stand_s = SETTLE_S + PERIODS * 2 * math.pi / model.natural_frequency_rad_s
     here, path, stands = e.move.start_m, Trajectory.hold(e.move.start_m, 0.01), []
     for point in (*points_m, e.move.start_m):
@@ -72,7 +72,7 @@ def fit(
         watches,
         pivot_home_px=vision.rough_pivot_px,
         pixels_per_m=vision.rough_pixels_per_m,
-        natural_frequency_hz=belief(experiment).natural_frequency_rad_s / (2 * math.pi),
+        natural_frequency_hz=load_model(experiment).natural_frequency_rad_s / (2 * math.pi),
     )
     frames = run.frames
     calibration = Calibration(

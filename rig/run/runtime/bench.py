@@ -11,7 +11,7 @@ from rig.errors import ConfigError, Refused
 from rig.run.config import Experiment
 from rig.run.job import Plant
 from rig.run.toml_file import convert
-from sim_rig.params import BenchParams, Camera, Pendulum, Robot, View
+from sim_rig.params import BenchParams, CameraParams, PendulumParams, RobotParams, View
 from sim_rig.task import BenchTask
 
 LINKS = 1  # the simulated load hangs on
@@ -26,9 +26,9 @@ def params(experiment: Experiment) -> BenchParams:
         )
     try:
         return BenchParams(
-            pendulum=convert(bench.pendulum, Pendulum, "bench.pendulum"),
-            robot=convert(bench.robot, Robot, "bench.robot"),
-            camera=convert(bench.camera, Camera, "bench.camera"),
+            pendulum=convert(bench.pendulum, PendulumParams, "bench.pendulum"),
+            robot=convert(bench.robot, RobotParams, "bench.robot"),
+            camera=convert(bench.camera, CameraParams, "bench.camera"),
             view=View(width=view.width, height=view.height, rate_hz=view.rate_hz),
             seed=experiment.experiment.seed,
         )

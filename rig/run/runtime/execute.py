@@ -23,16 +23,16 @@ from rig.run.runtime import bench
 from rig.run.runtime.interrupts import Interrupts
 from rig.run.runtime.processes import ProcessRunner
 from rig.run.runtime.virtual import VirtualRunner
-from rig.run.tasks.controller.task import Controller
+from rig.run.tasks.controller.task import ControllerTask
 from rig.run.tasks.operator import Operator
 from rig.run.tasks.streamer import Streamer
 
-Mode = Literal["wall", "virtual"]
+ClockMode = Literal["wall", "virtual"]
 Progress = Callable[[int, Operator], None]  # run clock [ns]; called often
 PACKAGES = ("swayless", "numpy", "scipy", "opencv-python-headless", "pyzmq", "mcap", "msgspec")
 
 
-class Outcome(NamedTuple):
+class RunOutcome(NamedTuple):
     """How a run ended; loop_s is the wall time from the first task's start to the last one's end."""
 
     exit_code: int
@@ -41,7 +41,7 @@ class Outcome(NamedTuple):
     loop_s: float
 
 
-def execute(job: Job, mode: Mode, folder: Path, progress: Progress) -> Outcome:
+def execute(job: Job, mode: ClockMode, folder: Path, progress: Progress) -> RunOutcome:
     """Run a job and leave run.mcap in folder. Raises what kept it from starting; the log is closed even then."""
     operator = Operator(list(job.settings), round(job.plan.duration_s * 1e9))
     recorder = Recorder(folder / runs.LOG, _start(job, mode, folder), job.attachments())
@@ -76,7 +76,7 @@ def execute(job: Job, mode: Mode, folder: Path, progress: Progress) -> Outcome:
             }
             with suppress(OSError):  # a full disk: what is on it stays readable
                 recorder.close(rows, stop, end_ns)
-    return Outcome(code, reasons, stop.get("digest"), loop_s)
+    return RunOutcome(code, reasons, stop.get("digest"), loop_s)
 
 
 def _exit_code(error: Exception) -> int:
@@ -107,7 +107,7 @@ def make_task(name: str, settings: Any) -> Task:
         from vision.task import VisionTask
 
         return VisionTask(settings)
-    return Controller(settings) if name == "controller" else Streamer(settings)
+    return ControllerTask(settings) if name == "controller" else Streamer(settings)
 
 
 def _wall(
@@ -135,7 +135,7 @@ def _wall(
     return rows, notes
 
 
-def _start(job: Job, mode: Mode, folder: Path) -> dict[str, str]:
+def _start(job: Job, mode: ClockMode, folder: Path) -> dict[str, str]:
     e = job.experiment.experiment
     commit, dirty = _git()
     return {

@@ -18,7 +18,7 @@ from comms.ends import Wiring
 from comms.frames import with_pixels
 from comms.link import LinkCount, LinkFaults, settle
 from comms.messages import Command, Frame, Message, Reply, Verb
-from comms.operator_bus import Farewell, Hello, OperatorBus, Tapped
+from comms.operator_bus import Hello, OperatorBus, StreamEnd, Telemetry
 from comms.records import Event, LinkRow
 from comms.runner import ADMISSION_NS
 from comms.task import Step
@@ -189,7 +189,7 @@ class ProcessRunner:
     def _hear(self) -> None:
         for who, said in self._bus.drain():
             now, name = self._clock.now_ns(), who.decode("ascii", "replace")
-            if isinstance(said, Tapped):
+            if isinstance(said, Telemetry):
                 self._log(said, now)
             elif isinstance(said, str):
                 self._serve(who, said, now)
@@ -197,7 +197,7 @@ class ProcessRunner:
                 continue  # a stranger on the bus
             elif isinstance(said, Hello):
                 self._present.add(name)
-            elif isinstance(said, Farewell):
+            elif isinstance(said, StreamEnd):
                 self._left.add((name, said.wire))
             elif isinstance(said, Reply):
                 self._recorder.message("reply", said, now)
@@ -207,7 +207,7 @@ class ProcessRunner:
             else:
                 self._recorder.record(said.record, now)
 
-    def _log(self, tapped: Tapped, now: int) -> None:
+    def _log(self, tapped: Telemetry, now: int) -> None:
         message = decode(tapped.channel, tapped.data, self._session)
         if isinstance(message, Frame) and tapped.pixels is not None:
             frame = with_pixels(message, memoryview(tapped.pixels))

@@ -17,7 +17,7 @@ from comms.codec import encode
 from comms.ends import admit
 from comms.link import LinkCount, LinkFaults, LinkModel, SequenceWindow, settle
 from comms.messages import Command, Frame, Message, Reply, Verb
-from comms.records import Receipts, Timing
+from comms.records import Receipts, TaskTiming
 from comms.task import Step, Task
 from rig.errors import STOPPED
 from rig.run.recorder import Recorder
@@ -179,7 +179,7 @@ class VirtualRunner:
             if link.receipts:
                 self._flush(name, link)
         for task in self._tasks.values():
-            timing = Timing(
+            timing = TaskTiming(
                 task=task.name, t_ns=self.t_ns, late_ticks=task.late_ticks, lateness_ns=[]
             )
             self._recorder.record(timing, self.t_ns)

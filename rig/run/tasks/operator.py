@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from comms.channels import MS
 from comms.messages import Command, Message, Reply, Verb
 from comms.records import Event
-from comms.task import NOTHING, Send, Step
+from comms.task import NO_STEP, Send, Step
 from rig.errors import FAULT, OK, STOPPED
 
 RETRY_NS = 100 * MS
@@ -66,23 +66,23 @@ class Operator:
     def on_message(self, channel: str, message: Message, t_ns: int) -> Step:
         """Replies move the run on; news with an exit code end it."""
         if not isinstance(message, Reply):
-            return NOTHING
+            return NO_STEP
         if message.id == 0:
             return self._hear(message, t_ns)
         if message.id != self._call or message.sender not in self._waiting:
-            return NOTHING
+            return NO_STEP
         if not message.ok:
             self._last_word[message.sender] = message.text
             if self.stage in (Stage.ARMING, Stage.STARTING):
                 return self.end(f"{message.sender}: {message.text}", message.exit or FAULT, t_ns)
-            return NOTHING
+            return NO_STEP
         self._waiting.discard(message.sender)
-        return NOTHING if self._waiting else self._advance(t_ns)
+        return NO_STEP if self._waiting else self._advance(t_ns)
 
     def on_tick(self, t_ns: int) -> Step:
         """Ask again while connecting, notice who does not answer, end the watch."""
         if self.stage is Stage.CLOSED:
-            return NOTHING
+            return NO_STEP
         if self.stage is Stage.RUNNING:
             end_ns = self.t_end_ns or t_ns
             return self._close(t_ns) if t_ns >= end_ns else Step(wake_ns=end_ns)
@@ -96,7 +96,7 @@ class Operator:
 
     def stop(self, t_ns: int) -> Step:
         """Nothing is left to do."""
-        return NOTHING
+        return NO_STEP
 
     def end(self, reason: str, exit_code: int, t_ns: int) -> Step:
         """Stop the robot, then close: for an operator's stop, a dead task, a refusal, a fault.
@@ -107,7 +107,7 @@ class Operator:
         if self.stage is Stage.CLOSED or (
             self.stage in (Stage.STOPPING, Stage.RESTING) and not worse
         ):
-            return NOTHING
+            return NO_STEP
         self.exit_code = exit_code
         self.reasons.append(reason)
         self._note("warning" if exit_code == STOPPED else "error", reason, t_ns)
@@ -132,7 +132,7 @@ class Operator:
     def never_came(self, task: str, t_ns: int) -> Step:
         """A run that is over already goes on without a task that had not come yet."""
         self._forget(task)
-        return self._close(t_ns) if self.stage is Stage.STOPPING and not self._waiting else NOTHING
+        return self._close(t_ns) if self.stage is Stage.STOPPING and not self._waiting else NO_STEP
 
     def _forget(self, task: str) -> None:
         self._tasks = tuple(name for name in self._tasks if name != task)
@@ -149,7 +149,7 @@ class Operator:
             return Step(self._order(Verb.START, self._tasks, t_ns, self.t_start_ns), step.wake_ns)
         if self.stage is Stage.STARTING:
             return self._enter(Stage.RUNNING, t_ns)._replace(wake_ns=self.t_end_ns)
-        return self._rest(t_ns) if self.stage is Stage.STOPPING else NOTHING
+        return self._rest(t_ns) if self.stage is Stage.STOPPING else NO_STEP
 
     def _rest(self, t_ns: int) -> Step:
         """The movers have stopped: watch until the robot stands, if it ever moved."""
@@ -167,7 +167,7 @@ class Operator:
 
     def _close(self, t_ns: int) -> Step:
         if self.stage is Stage.CLOSED:
-            return NOTHING
+            return NO_STEP
         self.stage = Stage.CLOSED
         return Step(self._order(Verb.CLOSE, self._tasks, t_ns), exit=self.exit_code)
 
@@ -184,8 +184,8 @@ class Operator:
 
     def _hear(self, reply: Reply, t_ns: int) -> Step:
         text = f"{reply.sender}: {reply.text}"
-        step = NOTHING if reply.exit is None else self.end(text, reply.exit, t_ns)
-        if step is NOTHING and reply.text:
+        step = NO_STEP if reply.exit is None else self.end(text, reply.exit, t_ns)
+        if step is NO_STEP and reply.text:
             self._note("info" if reply.ok else "error", text, t_ns)
         return step
 

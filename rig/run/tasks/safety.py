@@ -9,7 +9,7 @@ import msgspec
 from comms.messages import Position
 from rig.run.tasks.controller.interpolator import WINDOW_NS
 
-ROUNDING = 1e-9  # metres: what summing floats may cost
+POSITION_ROUNDING_M = 1e-9  # metres: what summing floats may cost
 
 
 class Envelope(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -67,10 +67,12 @@ class Gate:
         e = self._envelope
         window = min(dt, WINDOW_NS * 1e-9)
         speed = math.hypot(*velocity) * dt / window
-        if not speed <= e.speed_m_s + ROUNDING / window:  # a bound that is NaN refuses too
+        if (
+            not speed <= e.speed_m_s + POSITION_ROUNDING_M / window
+        ):  # a bound that is NaN refuses too
             return f"speed {speed:.3f} m/s; must be <= {e.speed_m_s:.3f} m/s"
         acceleration = math.dist(velocity, self._velocity) / dt
-        if not acceleration <= e.acceleration_m_s2 + 4 * ROUNDING / dt**2:
+        if not acceleration <= e.acceleration_m_s2 + 4 * POSITION_ROUNDING_M / dt**2:
             return (
                 f"acceleration {acceleration:.2f} m/s2; must be <= {e.acceleration_m_s2:.2f} m/s2"
             )

@@ -21,11 +21,11 @@ from comms.messages import (
     Verb,
 )
 from comms.replies import Replies
-from comms.task import NOTHING, Send, Step
+from comms.task import NO_STEP, Send, Step
 from rig.analysis.identify.errors import AnalysisError
 from rig.analysis.identify.swing import initial_swing_rad
 from rig.errors import FAULT, REFUSED
-from rig.run.tasks.controller.phase import ORDERS, Happening, next_phase, refusal
+from rig.run.tasks.controller.phase import ORDERS, Trigger, next_phase, refusal
 from rig.run.tasks.safety import Envelope, Gate
 
 PERIOD_NS = 10 * MS
@@ -69,7 +69,7 @@ class Streamer:
 
     def start(self, t_ns: int) -> Step:
         """Nothing to do before the operator speaks."""
-        return NOTHING
+        return NO_STEP
 
     def on_message(self, channel: str, message: Message, t_ns: int) -> Step:
         """Orders, angles, where the robot stands."""
@@ -79,12 +79,12 @@ class Streamer:
             self._see(message, t_ns)
         elif isinstance(message, RobotState):
             self._robot, self._robot_ns = message, t_ns
-        return NOTHING
+        return NO_STEP
 
     def on_tick(self, t_ns: int) -> Step:
         """Send the reference of the newest tick that is due; once stopped, the last one sent, again and again."""
         if self._phase is not Phase.RUNNING and self._held is None:
-            return NOTHING
+            return NO_STEP
         tick = (t_ns - self._t_start_ns) // PERIOD_NS
         if tick <= self._tick:  # woken early
             return Step(wake_ns=self._t_start_ns + (self._tick + 1) * PERIOD_NS)
@@ -97,8 +97,8 @@ class Streamer:
 
     def stop(self, t_ns: int) -> Step:
         """No more references."""
-        self._phase, self._held = next_phase(self._phase, Happening.STOP), None
-        return NOTHING
+        self._phase, self._held = next_phase(self._phase, Trigger.STOP), None
+        return NO_STEP
 
     def _reference(self, tick: int, t_ns: int) -> tuple[Send, ...]:
         t_target_ns = self._t_start_ns + tick * PERIOD_NS
@@ -207,7 +207,7 @@ class Streamer:
         return outside and f"start refused: safety gate: {outside}"
 
     def _stop(self, text: str, code: int, t_ns: int) -> Send:
-        self._phase = next_phase(self._phase, Happening.STOP)
+        self._phase = next_phase(self._phase, Trigger.STOP)
         return self._replies.give_up(self._phase, t_ns, text, code)
 
     def _tell(self, text: str, t_ns: int) -> Send:

@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 
 from planners.errors import unknown_name
 from planners.trajectories.trajectory import Trajectory
-from rig.drives.servo.loops import Facts
+from rig.drives.servo.loops import LoopAnalysis
 from rig.drives.servo.wiring import position_loop
 from rig.errors import ConfigError
 from rig.studies.servo import bench
 from rig.studies.servo.controllers import CONTROLLERS, Drive
-from rig.studies.servo.move_on_bench import Outcome, Recording, outcome, run
+from rig.studies.servo.move_on_bench import MoveMetrics, Recording, outcome, run
 from rig.studies.servo.spec import ServoSpec
 
 MOST_SAMPLES = 2_000_000  # some minutes
@@ -25,7 +25,7 @@ UNPUBLISHED_NOTE = (
 )
 
 
-class Row(NamedTuple):
+class ControllerRun(NamedTuple):
     """One run."""
 
     truth: str
@@ -33,7 +33,7 @@ class Row(NamedTuple):
     title: str
     controller: str
     late_s: float  # by which the controller is meant to be later
-    outcome: Outcome
+    outcome: MoveMetrics
     recording: Recording
 
 
@@ -45,7 +45,7 @@ def built(spec: ServoSpec, controllers: Sequence[str]) -> dict[str, Drive]:
     return {name: CONTROLLERS[name](spec) for name in controllers}
 
 
-def designs(spec: ServoSpec, drives: Mapping[str, Drive]) -> dict[str, Facts]:
+def designs(spec: ServoSpec, drives: Mapping[str, Drive]) -> dict[str, LoopAnalysis]:
     """Every controller's sampled loop around the joint that is believed in: opened at the motor's torque, closed from the
     setpoint's angle to the motor's.
     """
@@ -55,7 +55,9 @@ def designs(spec: ServoSpec, drives: Mapping[str, Drive]) -> dict[str, Facts]:
     }
 
 
-def compare(spec: ServoSpec, truths: Sequence[str], drives: Mapping[str, Drive]) -> Iterator[Row]:
+def compare(
+    spec: ServoSpec, truths: Sequence[str], drives: Mapping[str, Drive]
+) -> Iterator[ControllerRun]:
     """Runs one after the other, all of a truth and a move together.
 
     Raises ConfigError, before the first run, for a truth that the file has not or that is none, and for too much work.
@@ -81,7 +83,7 @@ def _run(
     path: Trajectory,
     name: str,
     drive: Drive,
-) -> Row:
+) -> ControllerRun:
     drive.controller.reset()
     recording = run(
         bench.elastic_joint(table, spec.seed),
@@ -94,7 +96,9 @@ def _run(
     )
     limit = min(spec.drive.torque_limit_n_m, table.get("torque_limit_n_m", math.inf))
     found = outcome(recording, drive.late_s, limit)
-    return Row(truth, move + 1, spec.move[move].title, name, drive.late_s, found, recording)
+    return ControllerRun(
+        truth, move + 1, spec.move[move].title, name, drive.late_s, found, recording
+    )
 
 
 def _check_work(spec: ServoSpec, truths: Sequence[str], drives: Mapping[str, Drive]) -> None:

@@ -15,16 +15,16 @@ from rig.drives.servo.errors import ServoError
 from rig.drives.servo.estimator import Estimator, Noise, SampledEstimator, sampled_kalman
 from rig.drives.servo.estimator import assign as assign_estimator
 from rig.drives.servo.feed_forward import LoadFilter, least_degree
-from rig.drives.servo.loops import Mode, swinging
+from rig.drives.servo.loops import PolePair, swinging
 from rig.drives.servo.lqg import StateSpaceController
 from rig.drives.servo.notch import Notch
-from rig.drives.servo.setpoint import Controller, Setpoint
+from rig.drives.servo.setpoint import DriveController, MotorSetpoint
 from rig.drives.servo.shaped_setpoint import ShapedSetpoint, design
 from rig.drives.servo.state_feedback import Feedback, assign, lq
-from rig.drives.servo.wiring import Loop
+from rig.drives.servo.wiring import ControlLoop
 from rig.studies.servo.spec import ServoSpec
 
-SETTLED = 1e-3  # of a step: what a filter may still have to go when it counts as done
+FILTER_DONE_SHARE = 1e-3  # of a step: what a filter may still have to go when it counts as done
 
 
 class Drive(NamedTuple):
@@ -32,9 +32,9 @@ class Drive(NamedTuple):
     how it was tuned.
     """
 
-    controller: Controller
+    controller: DriveController
     late_s: float = 0.0
-    within: Controller | None = None
+    within: DriveController | None = None
     note: str = ""
 
     @property
@@ -46,10 +46,10 @@ class Drive(NamedTuple):
 class Shaped:
     """A controller behind a shaper; a Controller itself."""
 
-    def __init__(self, shaper: ShapedSetpoint, controller: Controller) -> None:
+    def __init__(self, shaper: ShapedSetpoint, controller: DriveController) -> None:
         self._shaper, self._controller = shaper, controller
 
-    def step(self, setpoint: Setpoint, motor_angle_rad: float) -> float:
+    def step(self, setpoint: MotorSetpoint, motor_angle_rad: float) -> float:
         """Torque [N m] for the shaped setpoint."""
         return self._controller.step(self._shaper.step(setpoint), motor_angle_rad)
 
@@ -157,7 +157,7 @@ def _cascade(spec: ServoSpec) -> Cascade:
     )
 
 
-def _least_damped(name: str, loop: Loop) -> Mode:
+def _least_damped(name: str, loop: ControlLoop) -> PolePair:
     pair = min(swinging(loop.facts.poles_1_s), key=lambda mode: mode.damping, default=None)
     if pair is None:
         raise ServoError(
@@ -184,7 +184,7 @@ def _state_space(
     estimator: Estimator | SampledEstimator,
     ahead: str,
     load_filter: LoadFilter | None = None,
-) -> Controller:
+) -> DriveController:
     return StateSpaceController(
         spec.joint,
         feedback,
@@ -205,4 +205,4 @@ def _settling_s(load_filter: LoadFilter) -> float:
     step = control.step_response(
         control.tf(load_filter.numerator, load_filter.denominator), t
     ).outputs
-    return float(t[np.flatnonzero(np.abs(step - 1.0) > SETTLED)[-1] + 1])
+    return float(t[np.flatnonzero(np.abs(step - 1.0) > FILTER_DONE_SHARE)[-1] + 1])

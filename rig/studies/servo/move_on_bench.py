@@ -10,16 +10,16 @@ from numpy.typing import NDArray
 
 from planners.trajectories.pieces import FloatArray
 from planners.trajectories.trajectory import Trajectory
-from rig.drives.servo.setpoint import Controller, Setpoint
+from rig.drives.servo.setpoint import DriveController, MotorSetpoint
 from rig.errors import RunFailed
 
-SETTLED = 0.01  # of the largest reference speed
+SETTLED_SPEED_SHARE = 0.01  # of the largest reference speed
 QUIET = 0.2  # of a run's samples after the move: its end, where the torque is that of rest
 AT_LIMIT = 0.999  # of the limit: torque there is limited
 ARRIVED = 0.01  # of the move: a load farther than this from its goal has not arrived
 
 
-class Reading(Protocol):
+class Measurement(Protocol):
     """What the sensors say now."""
 
     @property
@@ -33,7 +33,7 @@ class Reading(Protocol):
         ...
 
 
-class Truth(Protocol):
+class JointTruth(Protocol):
     """What only records, analysis and tests may know."""
 
     @property
@@ -57,18 +57,18 @@ class Truth(Protocol):
         ...
 
 
-class Bench(Protocol):
+class JointPlant(Protocol):
     """A joint behind its drive, real or simulated."""
 
     def advance(self, torque_n_m: float, duration_s: float) -> None:
         """Hold the torque for one sample."""
         ...
 
-    def read(self) -> Reading:
+    def read(self) -> Measurement:
         """The sensors."""
         ...
 
-    def truth(self) -> Truth:
+    def truth(self) -> JointTruth:
         """The bench's own state."""
         ...
 
@@ -87,7 +87,7 @@ class Recording(NamedTuple):
     integration_error_rad: float  # the bench's own bound, at the motor
 
 
-class Outcome(NamedTuple):
+class MoveMetrics(NamedTuple):
     """What a run amounts to; the residual is the largest |speed| of the load after the end of the move."""
 
     residual: float  # share of the largest reference speed
@@ -104,8 +104,8 @@ class Outcome(NamedTuple):
 
 
 def run(
-    bench: Bench,
-    controller: Controller,
+    bench: JointPlant,
+    controller: DriveController,
     trajectory: Trajectory,
     gear_ratio: float,
     period_s: float,
@@ -128,7 +128,7 @@ def run(
     for k, setpoint in enumerate(wanted.tolist()):
         reading, truth = bench.read(), bench.truth()
         rows[k, :3] = truth.load_angle_rad, truth.load_speed_rad_s, reading.load_acceleration_rad_s2
-        _hold(bench, controller.step(Setpoint(*setpoint), reading.motor_angle_rad), period_s)
+        _hold(bench, controller.step(MotorSetpoint(*setpoint), reading.motor_angle_rad), period_s)
         rows[k, 3] = bench.truth().applied_torque_n_m
     return Recording(
         t,
@@ -145,17 +145,17 @@ def run(
 
 def outcome(
     recording: Recording, late_s: float = 0.0, torque_limit_n_m: float = math.inf
-) -> Outcome:
+) -> MoveMetrics:
     """Figures of a run whose reference moves, under a controller that is meant to be late_s later, with a torque limit."""
     r = recording
     after, moving = r.t_s >= r.end_s + late_s, (r.t_s >= 0.0) & (r.t_s < r.end_s + late_s)
     fastest, goal = float(np.abs(r.reference_rad_s).max()), float(r.reference_rad[-1])
     beyond = (r.load_rad - goal) * math.copysign(1.0, goal)
-    return Outcome(
+    return MoveMetrics(
         residual=float(np.abs(r.load_rad_s[after]).max()) / fastest,
         residual_measured=float(np.abs(r.measured_rad_s[after]).max()) / fastest,
         settled_s=_settled_s(
-            r.t_s[after] - r.end_s, np.abs(r.load_rad_s[after]) > SETTLED * fastest
+            r.t_s[after] - r.end_s, np.abs(r.load_rad_s[after]) > SETTLED_SPEED_SHARE * fastest
         ),
         speed_error=float(np.sqrt(np.mean((r.load_rad_s - r.reference_rad_s)[r.t_s >= 0.0] ** 2)))
         / fastest,
@@ -174,7 +174,7 @@ def outcome(
     )
 
 
-def _hold(bench: Bench, torque_n_m: float, period_s: float) -> None:
+def _hold(bench: JointPlant, torque_n_m: float, period_s: float) -> None:
     try:
         bench.advance(torque_n_m, period_s)
     except ValueError as error:

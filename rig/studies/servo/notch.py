@@ -13,14 +13,14 @@ from planners.trajectories.pieces import FloatArray
 from rig.drives.servo.block import check_period
 from rig.drives.servo.cascade import Cascade, Where
 from rig.drives.servo.errors import ServoError, check_range
-from rig.drives.servo.loops import Mode, margins, modes, swinging
+from rig.drives.servo.loops import PolePair, margins, pole_pairs, swinging
 from rig.drives.servo.notch import Notch
 from rig.drives.servo.two_mass import TwoMass
-from rig.drives.servo.wiring import Loop
+from rig.drives.servo.wiring import ControlLoop
 
-SETTLED = 0.02  # of the step
+SETTLED_STEP_SHARE = 0.02  # of the step
 WATCHED = 14.0  # time constants of the slowest pole
-POINTS = 10_001  # of a response: what peaks lose between samples is 1e-4 of them
+RESPONSE_POINTS = 10_001  # of a response: what peaks lose between samples is 1e-4 of them
 DETUNED = 0.1, 10.0
 UNDAMPED = 1e-9  # damping of a pair that is as good as none
 UNPUBLISHED_NOTE = (
@@ -82,14 +82,14 @@ class NotchTask:
         }
         return {where: self._notch(_least_damped(poles), factor) for where, poles in pairs.items()}
 
-    def unsettled(self, speed: Loop, where: str) -> ServoError:
+    def unsettled(self, speed: ControlLoop, where: str) -> ServoError:
         """The error for a speed loop that does not settle."""
         return ServoError(
             f"--speed-loop {self.speed_share:.6g} with {where}: the speed loop has {_worst(speed)}; must be damped to settle: "
             "lower it, or raise --reset-time"
         )
 
-    def _notch(self, pair: Mode, factor: float) -> Notch:
+    def _notch(self, pair: PolePair, factor: float) -> Notch:
         if not pair.damping < self.denominator_damping:
             raise ServoError(
                 f"--notch-damping {self.denominator_damping:.6g}; must be > {pair.damping:.4g}, the damping of the pair to be "
@@ -105,8 +105,8 @@ class Placement(NamedTuple):
 
     name: str  # none, inside, upstream
     notch: Notch | None
-    speed: Loop
-    position: Loop
+    speed: ControlLoop
+    position: ControlLoop
     position_opened: Any  # control.StateSpace from the error of the motor's angle to that angle; position opens at the torque
 
 
@@ -129,9 +129,9 @@ class NotchRow(NamedTuple):
     name: str
     factor: float  # of the notch's frequency; 1 is right
     notch: Notch | None
-    speed_modes: tuple[Mode, ...]  # of the speed loop
-    position_modes: tuple[Mode, ...]
-    hidden: tuple[Mode, ...]  # cancelled: only disturbances move them
+    speed_modes: tuple[PolePair, ...]  # of the speed loop
+    position_modes: tuple[PolePair, ...]
+    hidden: tuple[PolePair, ...]  # cancelled: only disturbances move them
     phase_margin_deg: float  # of the speed loop
     crossover_rad_s: float
     position_margin_deg: float  # of the position loop, opened at the error of the motor's angle
@@ -144,7 +144,7 @@ class NotchRow(NamedTuple):
     settling_s: float  # of the load's angle, to SETTLED
 
     @property
-    def least_damped(self) -> Mode:
+    def least_damped(self) -> PolePair:
         """Of the position loop's modes that the setpoint moves."""
         return min(self.position_modes, key=lambda mode: mode.damping)
 
@@ -191,7 +191,7 @@ def sampled(task: NotchTask, period_s: float) -> tuple[Sampled, ...]:
     return tuple(_sampled(name, notch, period_s) for name, notch in task.notches().items())
 
 
-def step_response(loop: Loop, source: str, time_s: float | None = None) -> Response:
+def step_response(loop: ControlLoop, source: str, time_s: float | None = None) -> Response:
     """Of the load to a unit step at an input of a position loop, until all has settled unless a time is given.
 
     Raises ServoError for a loop that is not stable.
@@ -201,7 +201,7 @@ def step_response(loop: Loop, source: str, time_s: float | None = None) -> Respo
         raise ServoError(
             f"a loop with {_worst(loop)}; must be damped to settle: change the gains, or damp the joint"
         )
-    t = np.linspace(0.0, WATCHED / slowest if time_s is None else time_s, POINTS)
+    t = np.linspace(0.0, WATCHED / slowest if time_s is None else time_s, RESPONSE_POINTS)
     system = loop.closed[["load_angle", "load_speed"], source]
     angle, speed = np.hstack([system.C, system.D]) @ _states(system, float(t[1]))
     return Response(t, angle, speed)
@@ -216,10 +216,10 @@ def _states(system: Any, period_s: float) -> FloatArray:
     whole[:n] = np.hstack([system.A, system.B])
     step = expm(whole * period_s)
     found = np.eye(n + 1)[:, n:]
-    while found.shape[1] < POINTS:
+    while found.shape[1] < RESPONSE_POINTS:
         found = np.hstack([found, step @ found])
         step = step @ step
-    return np.asarray(found[:, :POINTS])
+    return np.asarray(found[:, :RESPONSE_POINTS])
 
 
 def _placement(task: NotchTask, notch: Notch | None, name: str) -> Placement:
@@ -235,7 +235,7 @@ def _placement(task: NotchTask, notch: Notch | None, name: str) -> Placement:
     )
 
 
-def _position_opened(task: NotchTask, speed: Loop, upstream: Notch | None) -> Any:
+def _position_opened(task: NotchTask, speed: ControlLoop, upstream: Notch | None) -> Any:
     import control
 
     gain = control.ss(
@@ -253,7 +253,7 @@ def _check_settling(task: NotchTask, found: Sequence[Placement], factor: float) 
             raise task.unsettled(row.speed, _called(row) + tuned)
     failing = [row for row in found if not _settles(row.position)]
     if failing:
-        share = min(margins(row.position_opened).least_gain for row in failing)
+        share = min(margins(row.position_opened).lower_gain_margin for row in failing)
         raise ServoError(
             f"--position-loop {task.position_share:.6g} with {_called(failing[0])}{tuned}: the position loop has "
             f"{_worst(failing[0].position)}; must be < {share * task.position_share:.4g} to settle: lower it"
@@ -265,12 +265,12 @@ def _called(row: Placement) -> str:
     return "no notch" if row.notch is None else f"the notch {row.name}"
 
 
-def _settles(loop: Loop) -> bool:
+def _settles(loop: ControlLoop) -> bool:
     return bool(np.all(loop.closed.poles().real < 0.0))
 
 
-def _worst(loop: Loop) -> str:
-    mode = min(modes(loop.closed.poles()), key=lambda mode: mode.damping)
+def _worst(loop: ControlLoop) -> str:
+    mode = min(pole_pairs(loop.closed.poles()), key=lambda mode: mode.damping)
     return f"a pole at {mode.frequency_rad_s:.6g} rad/s with damping {mode.damping:.3g}"
 
 
@@ -280,14 +280,14 @@ def _row(placement: Placement, factor: float) -> NotchRow:
     motor, load = (step_response(position, source) for source in ("motor_torque", "load_torque"))
     step = step_response(position, "setpoint_angle")
     peak = float(np.abs(step.speed_rad_s).max())
-    last = int(np.flatnonzero(np.abs(step.angle_rad - 1.0) > SETTLED)[-1])
+    last = int(np.flatnonzero(np.abs(step.angle_rad - 1.0) > SETTLED_STEP_SHARE)[-1])
     return NotchRow(
         name=name,
         factor=factor,
         notch=notch,
-        speed_modes=modes(speed.shown_poles_1_s),
-        position_modes=modes(position.shown_poles_1_s),
-        hidden=modes(position.hidden_poles_1_s),
+        speed_modes=pole_pairs(speed.shown_poles_1_s),
+        position_modes=pole_pairs(position.shown_poles_1_s),
+        hidden=pole_pairs(position.hidden_poles_1_s),
         phase_margin_deg=inner.phase_deg,
         crossover_rad_s=inner.crossover_rad_s,
         position_margin_deg=outer.phase_deg,
@@ -297,7 +297,7 @@ def _row(placement: Placement, factor: float) -> NotchRow:
         position_step_peak_rad_s=peak,
         overshoot=max(0.0, float(step.angle_rad.max()) - 1.0),
         oscillation=max(0.0, step.variation_rad_s / (2.0 * peak) - 1.0),
-        settling_s=float(step.t_s[min(last + 1, POINTS - 1)]),
+        settling_s=float(step.t_s[min(last + 1, RESPONSE_POINTS - 1)]),
     )
 
 
@@ -313,5 +313,5 @@ def _passed(system: Any, omega_rad_s: float) -> float:
     return abs(complex(system(complex(np.exp(1j * omega_rad_s * system.dt)))))
 
 
-def _least_damped(poles_1_s: Any) -> Mode:
-    return min(swinging(poles_1_s), key=lambda mode: mode.damping, default=Mode(math.inf, 1.0))
+def _least_damped(poles_1_s: Any) -> PolePair:
+    return min(swinging(poles_1_s), key=lambda mode: mode.damping, default=PolePair(math.inf, 1.0))

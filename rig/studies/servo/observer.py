@@ -15,13 +15,13 @@ import numpy as np
 from planners.trajectories.pieces import ComplexArray, FloatArray
 from rig.drives.servo.disturbance_design import LowPass, Nominal, ObserverDesign, Place, Ratio
 from rig.drives.servo.errors import ServoError, check_datum
-from rig.drives.servo.loops import Mode, modes, swinging
+from rig.drives.servo.loops import PolePair, pole_pairs, swinging
 from rig.drives.servo.two_mass import TwoMass
 
 TIME_CONSTANTS_S = (1e-9, 1e-4, 5e-4, 1e-3, 2e-3, 5e-3, 2e-2, 1e9)
 LOW = 0.01  # times omega_z: a frequency that counts as low
 PERIODS = 12.0  # of omega_z: how long a response is watched
-POINTS = 6001  # of a response
+RESPONSE_POINTS = 6001  # of a response
 SPREAD = 1e4  # a filter this much faster or slower than the joint is at its limit
 GRID = 800  # time constants tried between those limits
 LEAVES = 1e-3  # of its damping: a change that is none
@@ -79,14 +79,14 @@ class ObserverTask:
         return Nominal.elastic(self.joint)
 
     @property
-    def bare(self) -> Mode:
+    def bare(self) -> PolePair:
         """The joint's own least damped pair."""
         return min(swinging(self.joint.poles_1_s), key=lambda mode: mode.damping)
 
     @property
     def calmest_excited(self) -> float:
         """A damping below tells that the observer excites: neither the joint nor Q has it alone."""
-        alone = min(mode.damping for mode in modes(_roots(self.low_pass(1.0).denominator)))
+        alone = min(mode.damping for mode in pole_pairs(_roots(self.low_pass(1.0).denominator)))
         return (1.0 - LEAVES) * min(self.bare.damping, alone)
 
     def effect(self, damping: float) -> Effect:
@@ -98,9 +98,9 @@ class ObserverTask:
         return "damps" if damping > (1.0 + LEAVES) * self.bare.damping else "leaves"
 
     @property
-    def locked(self) -> Mode:
+    def locked(self) -> PolePair:
         """How the load swings while the motor stands; damping 1 where it does not."""
-        return modes(_roots(self.joint.motor_numerator))[0]
+        return pole_pairs(_roots(self.joint.motor_numerator))[0]
 
 
 class Course(NamedTuple):
@@ -125,7 +125,7 @@ class Course(NamedTuple):
 class Rejection(NamedTuple):
     """One nominal at one time constant. Speeds of the load per N m, at the motor's side; NaN where it is not stable."""
 
-    least_damped: Mode  # of the poles that a torque on the motor moves, Q's included
+    least_damped: PolePair  # of the poles that a torque on the motor moves, Q's included
     low: float  # |speed over torque on the motor| at LOW omega_z, over that without observer
     peak_rad_s_n_m: float  # the largest of all frequencies
     motor_step_peak_rad_s: float
@@ -145,10 +145,12 @@ class ObserverRow(NamedTuple):
     time_constant_s: float
     rigid: Rejection
     elastic: Rejection
-    stiff: Mode  # the least damped pole of a stiff load (Jm + Jlr in one) under the rigid nominal
+    stiff: (
+        PolePair  # the least damped pole of a stiff load (Jm + Jlr in one) under the rigid nominal
+    )
     stiff_low: float  # like low, of the stiff load
     printed: (
-        Mode | None
+        PolePair | None
     )  # the pair that H_f as source 001 prints it, for the first order, would have
 
 
@@ -158,7 +160,7 @@ class Turns(NamedTuple):
     excited: tuple[Interval, ...]  # less damped than the joint and Q, unstable ones included
     unstable: tuple[Interval, ...]
     best_s: float
-    best: Mode  # least damped there
+    best: PolePair  # least damped there
 
 
 def study(task: ObserverTask) -> tuple[ObserverRow, ...]:
@@ -256,7 +258,7 @@ def _observed(task: ObserverTask, own: ObserverDesign) -> Rejection:
     return _rejection(task, own.least_damped(task.joint), motor, load)
 
 
-def _rejection(task: ObserverTask, least_damped: Mode, motor: Ratio, load: Ratio) -> Rejection:
+def _rejection(task: ObserverTask, least_damped: PolePair, motor: Ratio, load: Ratio) -> Rejection:
     if least_damped.damping < 0.0:
         return Rejection(least_damped, *[math.nan] * 6)
     omega = task.joint.antiresonance_rad_s
@@ -272,14 +274,14 @@ def _rejection(task: ObserverTask, least_damped: Mode, motor: Ratio, load: Ratio
     )
 
 
-def _stiff(task: ObserverTask, time_constant_s: float) -> tuple[Mode, float]:
+def _stiff(task: ObserverTask, time_constant_s: float) -> tuple[PolePair, float]:
     """Least damped pole, and rejection at LOW omega_z: (1 / Q - 1) P^-1 + Pn^-1 with P = 1 / ((Jm + Jlr) s + Dm + Dlr)."""
     body = np.array([task.joint.rigid_inertia_kg_m2, task.joint.rigid_friction_n_m_s_rad])
     high = np.append(task.low_pass(time_constant_s).denominator[:-1], 0.0)  # 1 / Q - 1
     whole = np.polyadd(np.polymul(high, body), task.rigid.denominator)
     s = 1j * LOW * task.joint.antiresonance_rad_s
     low = abs(np.polyval(high, s) * np.polyval(body, s) / np.polyval(whole, s))
-    least = min(modes(_roots(np.asarray(whole))), key=lambda mode: mode.damping)
+    least = min(pole_pairs(_roots(np.asarray(whole))), key=lambda mode: mode.damping)
     return least, float(low) if least.damping >= 0.0 else math.nan
 
 
@@ -298,7 +300,7 @@ def _step(task: ObserverTask, ratio: Ratio) -> Course:
 
     Of a stable loop, or it grows beyond all numbers.
     """
-    t = np.linspace(0.0, PERIODS * 2.0 * np.pi / task.joint.antiresonance_rad_s, POINTS)
+    t = np.linspace(0.0, PERIODS * 2.0 * np.pi / task.joint.antiresonance_rad_s, RESPONSE_POINTS)
     above, below, ramp = ratio.numerator, ratio.denominator, 0.0
     if below[-1] == 0.0:  # N / (s D) / s = ramp / s^2 + (N - ramp D) / s / (s D)
         below = below[:-1]

@@ -19,8 +19,14 @@ from planners.spectra.oscillator import MassChain, response
 from planners.trajectories.pieces import FloatArray, add, polynomial
 from planners.trajectories.trajectory import Trajectory
 from rig.drives.servo.errors import ServoError, check_range
-from rig.drives.servo.loops import Mode
-from rig.drives.servo.shaped_setpoint import MOST_DAMPING, ShaperFacts, design, facts, rate_1_s
+from rig.drives.servo.loops import PolePair
+from rig.drives.servo.shaped_setpoint import (
+    MOST_DAMPING,
+    ShaperFacts,
+    analyse_shaper,
+    design,
+    rate_1_s,
+)
 
 UNSHAPED = Shaper(np.ones(1), np.zeros(1))
 MOST_ERROR = 0.9  # of frequency; at 1 there would be no joint
@@ -75,9 +81,9 @@ class ShapingTask:
                 raise unknown_name("shaper", name, SHAPERS)
 
     @property
-    def mode(self) -> Mode:
+    def mode(self) -> PolePair:
         """The one the shapers are made for."""
-        return Mode(self.frequency_rad_s, self.damping)
+        return PolePair(self.frequency_rad_s, self.damping)
 
     @property
     def factors(self) -> tuple[tuple[float, float], ...]:
@@ -86,12 +92,12 @@ class ShapingTask:
         return ((1.0 + f, 1.0 + d), (1.0 + f, 1.0 - d), (1.0 - f, 1.0 + d), (1.0 - f, 1.0 - d))
 
     @property
-    def cases(self) -> tuple[Mode, ...]:
+    def cases(self) -> tuple[PolePair, ...]:
         """The true mode at the four corners."""
-        return tuple(Mode(f * self.frequency_rad_s, d * self.damping) for f, d in self.factors)
+        return tuple(PolePair(f * self.frequency_rad_s, d * self.damping) for f, d in self.factors)
 
 
-class Pulse(NamedTuple):
+class PulseResponse(NamedTuple):
     """A joint of 1 kg m2 in all, pushed at the motor by 1 N m for some time; without friction."""
 
     command: Trajectory  # its value is the speed [rad/s] of a rigid joint, its derivative the shaped torque [N m]
@@ -124,7 +130,7 @@ def pulse_residuals(task: ShapingTask, shaper: Shaper = UNSHAPED) -> FloatArray:
     )
 
 
-def pulse(pulse_s: float, shaper: Shaper, mode: Mode, watch_s: float = 0.0) -> Pulse:
+def pulse(pulse_s: float, shaper: Shaper, mode: PolePair, watch_s: float = 0.0) -> PulseResponse:
     """A shaped torque pulse on a two-mass joint whose poles are the mode, and then watch_s, a period at least.
 
     Load over rigid speed is (2 zeta w s + w^2) / (s^2 + 2 zeta w s + w^2) whatever the ratio of the masses: a mass on a spring
@@ -141,10 +147,10 @@ def pulse(pulse_s: float, shaper: Shaper, mode: Mode, watch_s: float = 0.0) -> P
     load = Trajectory(
         tuple(add(rigid, behind) for rigid, behind in zip(whole, lag.pieces, strict=True))
     )
-    return Pulse(command, load, Trajectory(lag.pieces[-1:]).peak().value / pulse_s)
+    return PulseResponse(command, load, Trajectory(lag.pieces[-1:]).peak().value / pulse_s)
 
 
-def impulse_response(shaper: Shaper, mode: Mode, t_s: FloatArray) -> FloatArray:
+def impulse_response(shaper: Shaper, mode: PolePair, t_s: FloatArray) -> FloatArray:
     """Of w^2 / (s^2 + 2 zeta w s + w^2) to the shaper's impulses, over w: (T,) for times (T,) (source 001)."""
     rate = rate_1_s(mode)
     since_s = np.subtract.outer(t_s, shaper.times_s)  # (T, n)
@@ -156,15 +162,17 @@ def _robustness(task: ShapingTask, name: str) -> Robustness:
     shaper = SHAPERS[name](rate_1_s(task.mode))
     rates = np.array([rate_1_s(case) for case in task.cases])
     sides = (1.0 + task.damping_error, 1.0 - task.damping_error)
-    damped = np.array([rate_1_s(Mode(task.frequency_rad_s, side * task.damping)) for side in sides])
+    damped = np.array(
+        [rate_1_s(PolePair(task.frequency_rad_s, side * task.damping)) for side in sides]
+    )
     sampled = None if task.period_s is None else design(name, [task.mode], task.period_s)
     return Robustness(
         name,
         shaper,
-        facts(shaper, task.mode),
+        analyse_shaper(shaper, task.mode),
         np.abs(transform(shaper, rates)),
         residual(shaper, rates),
         np.abs(transform(shaper, damped)),
         sampled,
-        None if sampled is None else facts(sampled, task.mode),
+        None if sampled is None else analyse_shaper(sampled, task.mode),
     )

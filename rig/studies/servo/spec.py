@@ -19,7 +19,7 @@ from rig.errors import ConfigError
 from rig.run.toml_file import Section, convert, nearest, override, read_toml
 
 SHIPPED = "source_001"
-SHORTEST = 10  # samples of a move
+MIN_MOVE_SAMPLES = 10  # samples of a move
 NEEDED = (
     "motor_inertia_kg_m2",
     "load_inertia_kg_m2",
@@ -34,7 +34,7 @@ NotNegative = Annotated[float, Meta(ge=0, le=1e12)]
 Share = Annotated[float, Meta(gt=0, le=1e3)]
 
 
-class MoveSection(Section, frozen=True, kw_only=True):
+class TrapezoidSection(Section, frozen=True, kw_only=True):
     """`[[move]]`: a trapezoid of speed, from rest to rest. Raises ValueError for one that does not move."""
 
     load_angle_deg: Annotated[float, Meta(ge=-1e6, le=1e6)]
@@ -66,7 +66,7 @@ class MoveSection(Section, frozen=True, kw_only=True):
         ).trajectory()
 
 
-class ModelSection(Section, frozen=True, kw_only=True):
+class JointModelSection(Section, frozen=True, kw_only=True):
     """`[model]`: what the controllers believe of the joint; see rig.drives.servo.two_mass.TwoMass."""
 
     motor_inertia_kg_m2: float
@@ -146,8 +146,8 @@ class HelpersSection(Section, frozen=True, kw_only=True):
 class ServoSpec(Section, frozen=True, kw_only=True):
     """A whole file. Truths are `[bench]` with what each says otherwise; only rig.studies.servo.bench reads them."""
 
-    move: Annotated[list[MoveSection], Meta(min_length=1, max_length=20)]
-    model: ModelSection
+    move: Annotated[list[TrapezoidSection], Meta(min_length=1, max_length=20)]
+    model: JointModelSection
     bench: dict[str, Any]
     truth: dict[str, dict[str, Any]] = msgspec.field(default_factory=lambda: {"bench": {}})
     drive: DriveSection = DriveSection()
@@ -163,10 +163,10 @@ class ServoSpec(Section, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         for number, move in enumerate(self.move):
-            if move.time_s < SHORTEST * self.drive.period_s:
+            if move.time_s < MIN_MOVE_SAMPLES * self.drive.period_s:
                 raise ValueError(
                     f"move.{number}.time_s = {move.time_s} with drive.period_s = {self.drive.period_s}; must be at least "
-                    f"{SHORTEST} samples: sample faster, or give the move more time"
+                    f"{MIN_MOVE_SAMPLES} samples: sample faster, or give the move more time"
                 )
 
     @property

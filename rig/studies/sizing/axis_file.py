@@ -14,9 +14,9 @@ import msgspec
 from planners import bounds
 from planners.errors import PlanError, check_range, unknown_name
 from rig.drives.motor import Motor
-from rig.drives.screw.axis import Axis
+from rig.drives.screw.axis import AxisSpec
 from rig.drives.screw.balls import Balls
-from rig.drives.screw.candidate import Candidate
+from rig.drives.screw.candidate import CatalogueEntry
 from rig.drives.screw.cycle import Cycle, Move
 from rig.drives.screw.load import AxisLoad
 from rig.drives.screw.shaft import Mounting
@@ -99,7 +99,7 @@ class TransmissionSection(Section, frozen=True, kw_only=True):
     hold: str = "motor"
 
 
-class MoveSection(Section, frozen=True, kw_only=True):
+class CycleMoveSection(Section, frozen=True, kw_only=True):
     """`[[move]]`: from rest to rest, in the order of time."""
 
     stroke_m: float
@@ -155,9 +155,9 @@ class SizingFile(Section, frozen=True, kw_only=True):
 class Sizing(NamedTuple):
     """What a spec comes to."""
 
-    axis: Axis
-    catalogue: dict[str, Candidate]
-    choice: Candidate | None
+    axis: AxisSpec
+    catalogue: dict[str, CatalogueEntry]
+    choice: CatalogueEntry | None
     published: dict[str, PublishedFigure]
 
 
@@ -184,8 +184,8 @@ def sizing_of(tables: dict[str, Any]) -> Sizing:
     return Sizing(_axis(file), catalogue, catalogue.get(file.choice), published)
 
 
-def _axis(file: SizingFile) -> Axis:
-    return Axis(
+def _axis(file: SizingFile) -> AxisSpec:
+    return AxisSpec(
         mounting=_mounting(file.screw),
         load=_load(file.axis),
         cycle=Cycle([_move(number, row) for number, row in enumerate(file.move, start=1)]),
@@ -242,7 +242,7 @@ def _load(axis: AxisSection) -> AxisLoad:
 
 
 def _move(number: int, row: dict[str, Any]) -> Move:
-    return _built(Move, convert(row, MoveSection, f"move.{number}"), f"[[move]] {number}:")
+    return _built(Move, convert(row, CycleMoveSection, f"move.{number}"), f"[[move]] {number}:")
 
 
 def _built(kind: Callable[..., T], section: Section, where: str) -> T:
@@ -259,8 +259,8 @@ def _named(where: str) -> Iterator[None]:
         raise PlanError(f"{where} {error}") from None
 
 
-def _catalogue(rows: list[dict[str, Any]]) -> dict[str, Candidate]:
-    entries: dict[str, Candidate] = {}
+def _catalogue(rows: list[dict[str, Any]]) -> dict[str, CatalogueEntry]:
+    entries: dict[str, CatalogueEntry] = {}
     for number, row in enumerate(rows, start=1):
         section = convert(row, EntrySection, f"catalogue.{number}")
         if section.name in entries:
@@ -268,7 +268,7 @@ def _catalogue(rows: list[dict[str, Any]]) -> dict[str, Candidate]:
                 f"[[catalogue]] name = {section.name!r} twice; must be one of a kind: rename one"
             )
         entries[section.name] = _built(
-            Candidate, section, f"[[catalogue]] {section.name.strip() or number}:"
+            CatalogueEntry, section, f"[[catalogue]] {section.name.strip() or number}:"
         )
     return entries
 

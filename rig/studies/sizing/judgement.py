@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 from rig.drives.screw.checks import AllowedSpeed, allowed_speed, assess
 from rig.drives.screw.cycle import Cycle
-from rig.drives.screw.table import Row, table
-from rig.drives.screw.verdict import Assessment, Check
+from rig.drives.screw.table import CyclePhaseRow, table
+from rig.drives.screw.verdict import Assessment, LimitCheck
 from rig.studies.sizing.axis_file import Sizing
 from rig.studies.sizing.published import (
-    Comparison,
+    FigureComparison,
     axis_figures,
     cell_figures,
     compare,
@@ -25,8 +25,8 @@ class Judgement(NamedTuple):
     found: list[Assessment]
     judged: Assessment  # the choice, without one the first
     figures: dict[str, float]  # of axis and judged one
-    motion: list[Row]  # of the judged one
-    printed: list[Comparison]
+    motion: list[CyclePhaseRow]  # of the judged one
+    printed: list[FigureComparison]
 
     @property
     def chosen(self) -> Assessment | None:
@@ -112,7 +112,7 @@ def document(result: Judgement) -> dict[str, object]:
     }
 
 
-def _check(check: Check) -> dict[str, object]:
+def _check(check: LimitCheck) -> dict[str, object]:
     return {
         "name": check.name,
         "value": check.value,

@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from rig.drives.screw import digits
-from rig.drives.screw.axis import Axis
+from rig.drives.screw.axis import AxisSpec
 from rig.drives.screw.balls import BALLS_M_RPM
-from rig.drives.screw.candidate import Candidate
+from rig.drives.screw.candidate import CatalogueEntry
 from rig.drives.screw.checks import allowed_speed
 from rig.drives.screw.limits import RPM
 from rig.drives.screw.remedies import slower
@@ -25,7 +25,7 @@ class Note(NamedTuple):
     dim: bool = False
 
 
-def notes(axis: Axis, judged: Assessment, figures: dict[str, float]) -> Iterator[Note]:
+def notes(axis: AxisSpec, judged: Assessment, figures: dict[str, float]) -> Iterator[Note]:
     """Of a screw with its figures."""
     f = {name: digits.number(value) for name, value in figures.items()}
     whirl, balls = digits.mm(figures["lead_min_whirl_m"]), digits.mm(figures["lead_min_balls_m"])
@@ -46,7 +46,7 @@ def notes(axis: Axis, judged: Assessment, figures: dict[str, float]) -> Iterator
     yield Note(f"allowed speed: {digits.number(speed)} m/s by {by}{f'; {late}' if late else ''}")
 
 
-def _preload(axis: Axis, nut: Candidate, f: dict[str, str]) -> Iterator[Note]:
+def _preload(axis: AxisSpec, nut: CatalogueEntry, f: dict[str, str]) -> Iterator[Note]:
     """What it costs, or what the usual one would."""
     if axis.preload_n(nut):
         yield Note(
@@ -63,7 +63,7 @@ def _preload(axis: Axis, nut: Candidate, f: dict[str, str]) -> Iterator[Note]:
         )
 
 
-def _aside(axis: Axis, nut: Candidate, figures: dict[str, float]) -> Iterator[Note]:
+def _aside(axis: AxisSpec, nut: CatalogueEntry, figures: dict[str, float]) -> Iterator[Note]:
     """What is taken for granted."""
     if nut.core_diameter_m is None:
         thin = replace(nut, core_diameter_m=CORE * nut.diameter_m)

@@ -9,8 +9,8 @@ from decimal import Decimal, InvalidOperation
 from typing import NamedTuple
 
 from planners.errors import unknown_name
-from rig.drives.screw.axis import Axis
-from rig.drives.screw.candidate import Candidate
+from rig.drives.screw.axis import AxisSpec
+from rig.drives.screw.candidate import CatalogueEntry
 from rig.drives.screw.life import dynamic_load_n, life_h
 from rig.drives.screw.limits import (
     RPM,
@@ -20,16 +20,16 @@ from rig.drives.screw.limits import (
     least_lead_by_whirl_m,
 )
 from rig.drives.screw.preload import PRELOAD_SHARES
-from rig.drives.screw.table import Row
+from rig.drives.screw.table import CyclePhaseRow
 from rig.drives.screw.verdict import Assessment
 from rig.errors import ConfigError
 from rig.studies.sizing.axis_file import PublishedFigure
 
 BANDWIDTH_SHARES = (0.5, 0.7)  # of the antiresonance (source 004, C.0.19)
-ROUNDING = 1e-9  # of the last printed digit
+PRINTED_ROUNDING_REL = 1e-9  # of the last printed digit
 
 
-class Comparison(NamedTuple):
+class FigureComparison(NamedTuple):
     """A printed figure, the right one, and why they differ."""
 
     name: str
@@ -42,10 +42,10 @@ class Comparison(NamedTuple):
         """Whether the right figure does not round to the printed digits."""
         digits = Decimal(self.printed)
         step = float(Decimal(1).scaleb(int(digits.as_tuple().exponent)))  # of the last digit
-        return abs(float(digits) - self.right) > step * (0.5 + ROUNDING)
+        return abs(float(digits) - self.right) > step * (0.5 + PRINTED_ROUNDING_REL)
 
 
-def axis_figures(axis: Axis) -> dict[str, float]:
+def axis_figures(axis: AxisSpec) -> dict[str, float]:
     """What is known before a screw is chosen, by name with its unit."""
     need, shares = axis.demand, axis.shares
     least = absolute_least_lead(
@@ -75,7 +75,7 @@ def axis_figures(axis: Axis) -> dict[str, float]:
     return figures
 
 
-def screw_figures(axis: Axis, found: Assessment) -> dict[str, float]:
+def screw_figures(axis: AxisSpec, found: Assessment) -> dict[str, float]:
     """What a screw adds to the axis, by name with its unit."""
     screw, need, shares, nut = found.screw, axis.demand, axis.shares, found.candidate
     rotary, stiffness = axis.transmission.inertia_kg_m2(screw), axis.stiffness_n_m(screw)
@@ -129,13 +129,13 @@ def screw_figures(axis: Axis, found: Assessment) -> dict[str, float]:
     return figures
 
 
-def life_of(axis: Axis, nut: Candidate) -> float:
+def life_of(axis: AxisSpec, nut: CatalogueEntry) -> float:
     """In hours, with its preload; the nut has a dynamic load."""
     force, speed = axis.equivalent_load_n(nut), axis.demand.mean_speed_m_s
     return life_h(nut.dynamic_load_n or 0.0, force, speed, nut.lead_m, axis.shares.service_factor)
 
 
-def cell_figures(rows: Sequence[Row]) -> dict[str, float]:
+def cell_figures(rows: Sequence[CyclePhaseRow]) -> dict[str, float]:
     """Cells of the motion-law table as move_N.phase_N.NAME."""
     return {
         f"move_{row.move}.phase_{row.phase}.{name}": value
@@ -150,7 +150,7 @@ def compare(
     of_screw: dict[str, float],
     *,
     chosen: bool,
-) -> list[Comparison]:
+) -> list[FigureComparison]:
     """Printed and right figures side by side; those of a screw only where it is chosen.
 
     Raises PlanError for a name of none, ConfigError for digits that are none.
@@ -168,5 +168,5 @@ def compare(
                 f"[published] {name} printed = {figure.printed!r}; must be the digits of a number: as in '4.07e3'"
             )
         if chosen or name in of_axis:
-            rows.append(Comparison(name, figure.printed, figures[name], figure.reason))
+            rows.append(FigureComparison(name, figure.printed, figures[name], figure.reason))
     return rows

@@ -16,7 +16,7 @@ from planners.trajectories.trajectory import Trajectory
 from rig.studies.thesis_tables.loads import PENDULUM, TWO_BARS
 
 DISTANCE_M = 0.2
-POINTS = 49  # of a curve, the nominal value among them
+CURVE_POINTS = 49  # of a curve, the nominal value among them
 
 
 class Load(NamedTuple):
@@ -82,10 +82,12 @@ def _series(load: str, family: str, time_s: float) -> Iterator[Series]:
     """Curves of one plan, all parameters at once."""
     model, ranges, _ = LOADS[load]
     trajectory = _plan(load, family, time_s)
-    values = {name: np.linspace(low, high, POINTS).tolist() for name, (low, high) in ranges.items()}
+    values = {
+        name: np.linspace(low, high, CURVE_POINTS).tolist() for name, (low, high) in ranges.items()
+    }
     real = [model.with_parameter(name, value) for name in values for value in values[name]]
     small, full = (
-        residual_amplitudes(real, trajectory, nonlinear=kind).reshape(-1, POINTS)
+        residual_amplitudes(real, trajectory, nonlinear=kind).reshape(-1, CURVE_POINTS)
         for kind in (False, True)
     )
     for name, linear, nonlinear in zip(values, small.tolist(), full.tolist(), strict=True):

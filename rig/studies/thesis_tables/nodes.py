@@ -11,7 +11,7 @@ import numpy as np
 from planners.errors import PlanError
 from planners.models.pendulum import PendulumModel
 from rig.studies.thesis_tables.ode45 import ode45
-from rig.studies.thesis_tables.source_metrics import SAMPLE_S, InputNodes
+from rig.studies.thesis_tables.source_metrics import SOURCE_SAMPLE_S, InputNodes
 
 FINE = 20000  # intervals of a shaped law where the source does not say; its residuals then agree within 2 %
 CORRECTIONS = 4  # of a costate: the miss falls from 1e-3 m to 1e-11 m, three decades each
@@ -41,7 +41,7 @@ def shaped_nodes(
         raise PlanError(
             f"time_s = {time_s}; must be > {max(impulses):g}, the shapers' length: lengthen the move"
         )
-    count = FINE if samples == "fine" else round(time_s / SAMPLE_S)
+    count = FINE if samples == "fine" else round(time_s / SOURCE_SAMPLE_S)
     t = np.linspace(0.0, time_s, count + 1)
     edge, acceleration = 1e-6 * time_s / count, np.zeros_like(t)
     for delay, share in impulses.items():

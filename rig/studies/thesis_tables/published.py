@@ -24,7 +24,7 @@ METHODS = {  # technique as printed: our planner of that kind
 TABLES = (*(f"3.{k}" for k in range(1, 9)), *(f"4.{k}" for k in range(1, 8)))
 
 
-class Row(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class PublishedRow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One printed row. figures follow columns (SI units in their names); both are empty where the source has a dash."""
 
     technique: str  # as printed
@@ -76,7 +76,7 @@ class Row(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
 class _Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     table: str
     columns: tuple[str, ...]
-    rows: tuple[Row, ...]
+    rows: tuple[PublishedRow, ...]
 
 
 class _File(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -84,7 +84,7 @@ class _File(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     tables: tuple[_Table, ...]
 
 
-def rows(table: str) -> tuple[Row, ...]:
+def rows(table: str) -> tuple[PublishedRow, ...]:
     """Rows of one table in the printed order. Raises PlanError for a table that is not one of TABLES."""
     if table not in TABLES:
         raise unknown_name("table", table, TABLES)
@@ -92,7 +92,7 @@ def rows(table: str) -> tuple[Row, ...]:
 
 
 @lru_cache(maxsize=1)
-def _tables() -> dict[str, tuple[Row, ...]]:
+def _tables() -> dict[str, tuple[PublishedRow, ...]]:
     text = resources.files("rig.studies.thesis_tables").joinpath("published.toml").read_bytes()
     file = msgspec.toml.decode(text, type=_File)
     return {

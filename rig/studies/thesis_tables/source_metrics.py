@@ -9,7 +9,7 @@ import numpy as np
 from planners.models.model import StateSpace
 from planners.trajectories.pieces import FloatArray
 
-SAMPLE_S = 0.5e-3  # of the source's simulations
+SOURCE_SAMPLE_S = 0.5e-3  # of the source's simulations
 TERMS = 8  # of a series over one sample: the fastest plant here has |a| SAMPLE_S = 0.03, and 0.03^8/8! = 2e-17
 
 
@@ -21,7 +21,7 @@ class InputNodes(NamedTuple):
 
 
 def respond(
-    plant: StateSpace, nodes: InputNodes, duration_s: float, sample_s: float = SAMPLE_S
+    plant: StateSpace, nodes: InputNodes, duration_s: float, sample_s: float = SOURCE_SAMPLE_S
 ) -> FloatArray:
     """States of the linear plant from rest, every sample_s from 0 to duration_s: (N + 1, n), exact to rounding.
 
@@ -60,7 +60,7 @@ def measure(
     method's nodes, or ("speed") over differences of the simulated speed in [0, 2T].
     """
     time_s = float(nodes.t_s[-1])
-    end = round(time_s / SAMPLE_S)
+    end = round(time_s / SOURCE_SAMPLE_S)
     x = respond(plant, nodes, max(window, 2) * time_s)
     both = x[: 2 * end + 1]
     angles = [k for k, name in enumerate(plant.states) if name.startswith("angle_")]
@@ -69,7 +69,7 @@ def measure(
         mark = i + 1 if len(angles) > 1 else ""
         figures[f"theta{mark}_max_rad"] = float(x[: end + 1, k].max())
         figures[f"theta{mark}_res_rad"] = float(both[end:, k].max())
-    a = nodes.values if acceleration == "nodes" else np.diff(both[:, 1]) / SAMPLE_S
+    a = nodes.values if acceleration == "nodes" else np.diff(both[:, 1]) / SOURCE_SAMPLE_S
     return figures | {
         "dy_max_m": float(np.ptp(both[:, 0])),
         "v_max_m_s": float(x[:, 1].max()),

@@ -19,8 +19,8 @@ from planners.trajectories.trajectory import Trajectory
 from rig.studies.thesis_tables.exact import exact_metrics, states_along
 from rig.studies.thesis_tables.loads import PENDULUM, TWO_BARS
 from rig.studies.thesis_tables.nodes import FINE, shaped_nodes, shooting_nodes
-from rig.studies.thesis_tables.published import Row, rows
-from rig.studies.thesis_tables.source_metrics import SAMPLE_S, InputNodes, measure
+from rig.studies.thesis_tables.published import PublishedRow, rows
+from rig.studies.thesis_tables.source_metrics import SOURCE_SAMPLE_S, InputNodes, measure
 
 DISTANCE_M = 0.2
 WINDOW = 2  # of the speed's RMS, in times of the move
@@ -29,7 +29,7 @@ TOLERANCE, RESIDUAL_TOLERANCE = (
     0.02,
 )  # relative; of residuals, which are what a rounding of the input leaves
 INTERVALS = 200  # of the source's finite differences
-POINTS = 2000  # of its bvp5c
+SOURCE_MESH_POINTS = 2000  # of its bvp5c
 SHAPERS, CLOSED = ("zv", "zvd"), ("convolution", "matrix_exponential")
 HALF_PERIODS_S = {
     False: (1.0,),
@@ -38,10 +38,10 @@ HALF_PERIODS_S = {
 RUNS, PATIENCE_S = 3, 0.05  # how often a plan is timed
 
 
-class Comparison(msgspec.Struct, frozen=True, kw_only=True):
+class RowComparison(msgspec.Struct, frozen=True, kw_only=True):
     """One published row and ours. Figures by column; all empty where no plan exists, which `refused` explains."""
 
-    row: Row
+    row: PublishedRow
     ours: dict[str, float]  # the source's definitions, sampling and tuning
     exact: dict[str, float]  # the same problem solved exactly; see exact_metrics
     compute_s: float | None  # of our planner of that kind; None when nobody timed it
@@ -84,7 +84,7 @@ class Comparison(msgspec.Struct, frozen=True, kw_only=True):
         if row.acceleration == "speed":
             rms = f", their RMS over [0, {WINDOW}T]" if "a_rms_m_s2" in row.columns else ""
             words.append(
-                f"its accelerations are differences of the simulated speed over {SAMPLE_S * 1e3:g} ms{rms}"
+                f"its accelerations are differences of the simulated speed over {SOURCE_SAMPLE_S * 1e3:g} ms{rms}"
             )
         if row.acceleration == "filtered":
             words.append(
@@ -93,7 +93,7 @@ class Comparison(msgspec.Struct, frozen=True, kw_only=True):
         if row.method in SHAPERS and row.samples == "fine":
             words.append(f"ours: the law at {FINE + 1} even points, the source's are not known")
         if row.method in CLOSED:
-            words.append(f"ours: the exact solution at {POINTS} even points")
+            words.append(f"ours: the exact solution at {SOURCE_MESH_POINTS} even points")
         return "; ".join(words) if self.ours else ""
 
     @property
@@ -107,17 +107,19 @@ def tolerance(column: str) -> float:
     return RESIDUAL_TOLERANCE if "_res_" in column else TOLERANCE
 
 
-def compare(table: str, seconds: Callable[[Row], float] | None = None) -> list[Comparison]:
+def compare(
+    table: str, seconds: Callable[[PublishedRow], float] | None = None
+) -> list[RowComparison]:
     """Every row of one table; seconds(row) says how long our planner takes. Raises PlanError for an unknown table."""
     return [_compare(row, seconds) for row in rows(table)]
 
 
-def planning_time(timer: Callable[[], float]) -> Callable[[Row], float]:
+def planning_time(timer: Callable[[], float]) -> Callable[[PublishedRow], float]:
     """Seconds that our planner of a row's kind takes once it has loaded what it needs; rows of the same plan are timed once."""
     known: dict[tuple[object, ...], float] = {}
     warm: set[str] = set()
 
-    def seconds(row: Row) -> float:
+    def seconds(row: PublishedRow) -> float:
         plan, problem = PLANNERS[row.method], problem_of(row)
         if row.method not in warm:
             plan(problem)
@@ -130,7 +132,7 @@ def planning_time(timer: Callable[[], float]) -> Callable[[Row], float]:
     return seconds
 
 
-def problem_of(row: Row) -> Problem:
+def problem_of(row: PublishedRow) -> Problem:
     """The row's move of its load."""
     model: Model = TWO_BARS if row.bars else PENDULUM
     robust = (("length_2" if row.bars else "length"),) if row.robust else ()
@@ -139,14 +141,14 @@ def problem_of(row: Row) -> Problem:
     )
 
 
-def _compare(row: Row, seconds: Callable[[Row], float] | None) -> Comparison:
+def _compare(row: PublishedRow, seconds: Callable[[PublishedRow], float] | None) -> RowComparison:
     problem = problem_of(row)
     try:
         best = PLANNERS[row.method if row.method in SHAPERS else "convolution"](problem)
     except Infeasible as refusal:
-        return Comparison(row=row, ours={}, exact={}, compute_s=None, refused=str(refusal))
+        return RowComparison(row=row, ours={}, exact={}, compute_s=None, refused=str(refusal))
     plant, nodes = _played(row, problem, best)
-    return Comparison(
+    return RowComparison(
         row=row,
         ours=measure(
             plant,
@@ -159,7 +161,7 @@ def _compare(row: Row, seconds: Callable[[Row], float] | None) -> Comparison:
     )
 
 
-def _played(row: Row, problem: Problem, best: Trajectory) -> tuple[StateSpace, InputNodes]:
+def _played(row: PublishedRow, problem: Problem, best: Trajectory) -> tuple[StateSpace, InputNodes]:
     """What the source simulated: its plant, and the technique's own nodes."""
     plant = problem.model.state_space(problem.input)
     if row.method in SHAPERS:
@@ -170,7 +172,7 @@ def _played(row: Row, problem: Problem, best: Trajectory) -> tuple[StateSpace, I
     if row.method == "shooting":
         return plant, shooting_nodes(PENDULUM, DISTANCE_M, row.time_s, robust=row.robust)
     if row.method != "finite_differences":
-        t = np.linspace(0.0, row.time_s, POINTS)
+        t = np.linspace(0.0, row.time_s, SOURCE_MESH_POINTS)
         return plant, InputNodes(t, _input_along(problem, plant, best, t))
     nodes = solve_trapezoidal(linear_problem(problem), INTERVALS)
     if row.acceleration != "filtered":

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from rig.analysis.analyze import Analysis
+from rig.analysis.analyze import RunAnalysis
 from rig.run import runs as folders
 from rig.ui.cli.output import out, print_json, print_summary
 
@@ -35,14 +35,14 @@ def analyze(
     runs: Annotated[Path, typer.Option(help="Where run folders are.")] = Path("runs"),
 ) -> int:
     """Take swing, frequency, damping, latency and the ledger from a log, complete or cut short."""
-    analysis = Analysis(folders.find_log(name, runs))
+    analysis = RunAnalysis(folders.find_log(name, runs))
     if csv_file is not None:
         _write_csv(analysis, csv_file)
     if report:
         from rig.ui.report import write
 
         twin = analysis.run.folder / "twin" / folders.LOG
-        write(analysis.run.folder, analysis, Analysis(twin) if twin.is_file() else None)
+        write(analysis.run.folder, analysis, RunAnalysis(twin) if twin.is_file() else None)
     if as_json:
         print_json(analysis.summary)
     else:
@@ -51,7 +51,7 @@ def analyze(
     return analysis.summary.exit_code
 
 
-def _write_csv(analysis: Analysis, path: Path) -> None:
+def _write_csv(analysis: RunAnalysis, path: Path) -> None:
     t, angle, sigma = analysis.run.swing
     truth = analysis.run.truth
     with path.open("w", newline="") as file:

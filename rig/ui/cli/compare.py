@@ -22,13 +22,13 @@ from planners.errors import unknown_name
 from rig.errors import BAD_DATA, ConfigError
 from rig.studies.thesis_tables import table as tables
 from rig.studies.thesis_tables.published import METHODS, TABLES
-from rig.studies.thesis_tables.table import Comparison, tolerance
+from rig.studies.thesis_tables.table import RowComparison, tolerance
 from rig.ui.cli.output import out, print_json, working
 from rig.ui.plots.picture_file import check_folder
 
 CHOICES = (*TABLES, "all", "sensitivity")
 WIDTH = 140  # characters of a line in a file: a table of two bars needs 134
-NOTHING = 1e-12  # rad: a residual below it is rounding, shown as 0
+SHOWN_AS_ZERO_RAD = 1e-12  # rad: a residual below it is rounding, shown as 0
 STYLE = {"reproduced": "green", "partly": "yellow", "false": "red", "no entry": "dim"}
 UNITS = {"_rad": ("mrad", 1e3), "_m_s2": ("m/s²", 1.0), "_m_s": ("m/s", 1.0), "_m": ("m", 1.0)}
 WORDS = {  # of a technique as printed
@@ -79,7 +79,7 @@ def compare(
     names = _tables(table)
     if csv_file is not None:
         check_folder("--csv", csv_file)
-    seconds, every = tables.planning_time(stopwatch_s), list[Comparison]()
+    seconds, every = tables.planning_time(stopwatch_s), list[RowComparison]()
     for name in names:
         with working(f"table {name}: planning every row", quiet=not as_json or len(names) == 1):
             comparisons = tables.compare(name, seconds)
@@ -128,7 +128,7 @@ def _sensitivity(plot: Path | None, csv_file: Path | None, as_json: bool) -> int
     return 0
 
 
-def _print(name: str, comparisons: Sequence[Comparison]) -> None:
+def _print(name: str, comparisons: Sequence[RowComparison]) -> None:
     page, notes = _page(), dict[str, int]()
     labels = [_label(c, notes) for c in comparisons]
     load = "two bars" if comparisons[0].row.bars else "pendulum"
@@ -163,21 +163,21 @@ def _page() -> Console:
     )
 
 
-def _glossary(comparisons: Sequence[Comparison]) -> str:
+def _glossary(comparisons: Sequence[RowComparison]) -> str:
     """The source's words for its techniques in ours; a planner that is spelled alike is left out."""
     words = dict.fromkeys(word for c in comparisons for word in c.row.technique.split())
     meant = {word: WORDS.get(word.lower()) or f"planner {METHODS[word]}" for word in words}
     return "; ".join(f"{word} = {ours}" for word, ours in meant.items())
 
 
-def _label(c: Comparison, notes: dict[str, int]) -> Text:
+def _label(c: RowComparison, notes: dict[str, int]) -> Text:
     """The verdict and the numbers of its notes, which are given out in order."""
     numbers = [notes.setdefault(why, len(notes) + 1) for why in (c.reason, c.sampling) if why]
     note = f" ({','.join(map(str, numbers))})" if numbers else ""
     return Text(f"{c.row.verdict}{note}", STYLE[c.row.verdict])
 
 
-def _wide(comparisons: Sequence[Comparison], labels: Sequence[Text]) -> Table:
+def _wide(comparisons: Sequence[RowComparison], labels: Sequence[Text]) -> Table:
     """Three lines a row, a column for each figure."""
     view = Table(padding=(0, 1, 0, 0), box=None)
     for header in ("technique", "T [s]", ""):
@@ -196,7 +196,7 @@ def _wide(comparisons: Sequence[Comparison], labels: Sequence[Text]) -> Table:
     return view
 
 
-def _upright(c: Comparison, label: Text) -> Table:
+def _upright(c: RowComparison, label: Text) -> Table:
     """A line for each figure: one row of a table that is wider than the terminal."""
     title = Text(f"{c.row.technique}, T = {c.row.time_s:g} s: ") + label
     view = Table(title=title, title_justify="left", title_style="", padding=(0, 1, 0, 0), box=None)
@@ -209,7 +209,7 @@ def _upright(c: Comparison, label: Text) -> Table:
     return view
 
 
-def _three(c: Comparison, column: str) -> tuple[Text, Text, Text]:
+def _three(c: RowComparison, column: str) -> tuple[Text, Text, Text]:
     """Published, ours, exact."""
     return (
         _figure(column, c.row.published.get(column)),
@@ -231,7 +231,9 @@ def _unit(column: str) -> tuple[str, float]:
 def _figure(column: str, value: float | None, *, differs: bool = False) -> Text:
     if value is None:
         return Text("-", "dim")
-    scaled = 0.0 if "_res_" in column and abs(value) < NOTHING else value * _unit(column)[1]
+    scaled = (
+        0.0 if "_res_" in column and abs(value) < SHOWN_AS_ZERO_RAD else value * _unit(column)[1]
+    )
     return Text(f"{scaled:.5g}{'≠' if differs else ' '}", "yellow" if differs else "")
 
 
@@ -242,7 +244,7 @@ def _time(seconds: float | None) -> str:
     return f"{value:.3g} {unit}" if value < 1e3 else f"{value:.0f} {unit}"
 
 
-def _summary(every: Sequence[Comparison]) -> str:
+def _summary(every: Sequence[RowComparison]) -> str:
     verdicts = Counter(str(c.row.verdict) for c in every)
     counts = ", ".join(f"{verdicts[verdict]} {verdict}" for verdict in STYLE if verdicts[verdict])
     refused = sum(bool(c.refused) for c in every)
@@ -255,7 +257,7 @@ def _summary(every: Sequence[Comparison]) -> str:
     return f"{len(every)} rows: {counts}{dashes}{alike}"
 
 
-def _document(c: Comparison) -> dict[str, object]:
+def _document(c: RowComparison) -> dict[str, object]:
     row = c.row
     return {
         "table": row.table,
@@ -276,7 +278,7 @@ def _document(c: Comparison) -> dict[str, object]:
     }
 
 
-def _entry(c: Comparison, column: str) -> dict[str, float | bool | None]:
+def _entry(c: RowComparison, column: str) -> dict[str, float | bool | None]:
     return {
         "published": c.row.published.get(column),
         "ours": c.ours.get(column),
@@ -287,7 +289,7 @@ def _entry(c: Comparison, column: str) -> dict[str, float | bool | None]:
     }
 
 
-def _write_csv(every: Iterable[Comparison], path: Path) -> None:
+def _write_csv(every: Iterable[RowComparison], path: Path) -> None:
     head = (
         "table",
         "technique",

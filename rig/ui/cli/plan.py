@@ -23,7 +23,7 @@ from rig.run.load_model import model_of
 from rig.ui.cli.output import out, print_json
 from rig.ui.plots import picture_file
 
-SAMPLE_S = 0.01
+TABLE_SAMPLE_S = 0.01
 
 
 def plan(
@@ -250,7 +250,7 @@ def _table(made: Plan) -> Table:
 
 def _write_csv(made: Plan, path: Path) -> None:
     end_s = made.motion.duration_s
-    t = np.append(np.arange(0.0, end_s - SAMPLE_S * 1e-6, SAMPLE_S), end_s)
+    t = np.append(np.arange(0.0, end_s - TABLE_SAMPLE_S * 1e-6, TABLE_SAMPLE_S), end_s)
     columns = np.column_stack([t, *(made.motion.x.at(t, order) for order in range(3))])
     with path.open("w", newline="") as file:
         rows = csv.writer(file)

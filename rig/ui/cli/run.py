@@ -12,7 +12,7 @@ from rich.table import Table
 from comms.clock import stopwatch_s
 from comms.link import LinkFaults
 from planners.problem import Plan
-from rig.analysis.analyze import Analysis
+from rig.analysis.analyze import RunAnalysis
 from rig.analysis.summary import Summary
 from rig.errors import STOPPED, ConfigError, Stopped
 from rig.run import config, experiment
@@ -106,12 +106,12 @@ def _run_one(
 def _tell(ran: experiment.Ran, quiet: bool, report: bool, run_s: float) -> Summary:
     """Analyse, report and print what was run."""
     ended = stopwatch_s()
-    analysis = Analysis(ran.folder / LOG)
+    analysis = RunAnalysis(ran.folder / LOG)
     analysed = stopwatch_s()
     if report:
         from rig.ui.report import write
 
-        write(ran.folder, analysis, Analysis(ran.twin / LOG) if ran.twin else None)
+        write(ran.folder, analysis, RunAnalysis(ran.twin / LOG) if ran.twin else None)
     if not quiet:
         print_summary(analysis.summary)
         simulated = analysis.run.plan.duration_s

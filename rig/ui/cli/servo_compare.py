@@ -17,8 +17,8 @@ from rig.studies.servo.compare import UNPUBLISHED_NOTE
 from rig.ui.cli.output import PLAIN, err, out, print_json, wide
 
 if TYPE_CHECKING:
-    from rig.drives.servo.loops import Facts
-    from rig.studies.servo.compare import Row
+    from rig.drives.servo.loops import LoopAnalysis
+    from rig.studies.servo.compare import ControllerRun
     from rig.studies.servo.controllers import Drive
     from rig.studies.servo.spec import ServoSpec
 
@@ -154,7 +154,7 @@ def _words(option: str, text: str) -> list[str]:
 
 def _rows(
     spec: ServoSpec, truths: Sequence[str], drives: Mapping[str, Drive], *, quiet: bool
-) -> list[Row]:
+) -> list[ControllerRun]:
     from rig.studies.servo.compare import compare as runs
 
     total, coming, rows = len(truths) * len(spec.move) * len(drives), runs(spec, truths, drives), []
@@ -170,7 +170,7 @@ def _rows(
     return rows
 
 
-def _share(row: Row, rows: Sequence[Row]) -> float | None:
+def _share(row: ControllerRun, rows: Sequence[ControllerRun]) -> float | None:
     """The residual against that of the first controller on the same move, if both arrived."""
     first = next(r for r in rows if (r.truth, r.move) == (row.truth, row.move))
     comparable = (
@@ -182,7 +182,9 @@ def _share(row: Row, rows: Sequence[Row]) -> float | None:
     return row.outcome.residual / first.outcome.residual if comparable else None
 
 
-def _document(spec: ServoSpec, facts: Mapping[str, Facts], rows: Sequence[Row]) -> dict[str, Any]:
+def _document(
+    spec: ServoSpec, facts: Mapping[str, LoopAnalysis], rows: Sequence[ControllerRun]
+) -> dict[str, Any]:
     return {
         "exit_status": "ok" if any(row.outcome.arrived for row in rows) else "bad_data",
         "period_s": spec.drive.period_s,
@@ -206,13 +208,13 @@ def _document(spec: ServoSpec, facts: Mapping[str, Facts], rows: Sequence[Row]) 
     }
 
 
-def _design(found: Facts) -> dict[str, Any]:
+def _design(found: LoopAnalysis) -> dict[str, Any]:
     return {
         "poles_1_s": [[pole.real, pole.imag] for pole in found.poles_1_s.tolist()],
         "zeros_1_s": [[zero.real, zero.imag] for zero in found.zeros_1_s.tolist()],
         "stable": found.stable,
         "gain_margin": found.margins.gain if found.stable else None,
-        "least_gain": found.margins.least_gain if found.stable else None,
+        "least_gain": found.margins.lower_gain_margin if found.stable else None,
         "phase_margin_deg": found.margins.phase_deg if found.stable else None,
         "crossover_rad_s": found.margins.crossover_rad_s if found.stable else None,
         "peak_sensitivity": found.margins.sensitivity if found.stable else None,
@@ -220,13 +222,13 @@ def _design(found: Facts) -> dict[str, Any]:
     }
 
 
-def _current(spec: ServoSpec, row: Row) -> dict[str, float | None]:
+def _current(spec: ServoSpec, row: ControllerRun) -> dict[str, float | None]:
     k = spec.drive.torque_constant_n_m_a
     return {"peak_current_a": row.outcome.peak_torque_n_m / k if k else None}
 
 
 def _print_designs(
-    spec: ServoSpec, facts: Mapping[str, Facts], drives: Mapping[str, Drive]
+    spec: ServoSpec, facts: Mapping[str, LoopAnalysis], drives: Mapping[str, Drive]
 ) -> None:
     import numpy as np
 
@@ -265,19 +267,19 @@ def _print_designs(
     out.print()
 
 
-def _margins(found: Facts) -> tuple[str, ...]:
+def _margins(found: LoopAnalysis) -> tuple[str, ...]:
     m = found.margins
     if not found.stable:
         return ("unstable", "-", "-", "-")
     return (
-        f"{m.least_gain:.3g} to {m.gain:.3g}",
+        f"{m.lower_gain_margin:.3g} to {m.gain:.3g}",
         f"{m.phase_deg:.1f}",
         f"{m.crossover_rad_s:.1f}",
         f"{m.sensitivity:.2f}",
     )
 
 
-def _print(rows: Sequence[Row], names: Sequence[str]) -> None:
+def _print(rows: Sequence[ControllerRun], names: Sequence[str]) -> None:
     table = Table(title="controllers of the elastic joint", **PLAIN)
     for name, unit in COLUMNS:
         told, figure = (f"of {names[0]}", True) if name == SHARE else (name, bool(unit))
@@ -309,7 +311,9 @@ def _print(rows: Sequence[Row], names: Sequence[str]) -> None:
     out.print("\n".join(LEGEND), style="dim")
 
 
-def _verdict(facts: Mapping[str, Facts], rows: Sequence[Row]) -> tuple[str, list[str]]:
+def _verdict(
+    facts: Mapping[str, LoopAnalysis], rows: Sequence[ControllerRun]
+) -> tuple[str, list[str]]:
     """bad: nothing arrived; doubtful: something did not, or is unstable where it should be stable."""
     reasons = [
         f"{name} is unstable on the joint believed in"
@@ -330,7 +334,10 @@ def _verdict(facts: Mapping[str, Facts], rows: Sequence[Row]) -> tuple[str, list
 
 
 def _print_verdict(
-    rows: Sequence[Row], names: Sequence[str], facts: Mapping[str, Facts], reasons: Sequence[str]
+    rows: Sequence[ControllerRun],
+    names: Sequence[str],
+    facts: Mapping[str, LoopAnalysis],
+    reasons: Sequence[str],
 ) -> None:
     for name in names[1:]:
         if facts[name].stable and facts[names[0]].stable:
@@ -339,7 +346,7 @@ def _print_verdict(
         out.print(reason, style="red")
 
 
-def _ranking(name: str, first: str, rows: Sequence[Row]) -> str:
+def _ranking(name: str, first: str, rows: Sequence[ControllerRun]) -> str:
     shares = [
         share for row in rows if row.controller == name and (share := _share(row, rows)) is not None
     ]

@@ -16,7 +16,7 @@ from rig.studies.servo.observer import INFERRED_NOTES
 from rig.ui.cli.output import COLOUR, plain_table, print_json, say, wide
 
 if TYPE_CHECKING:
-    from rig.drives.servo.loops import Mode
+    from rig.drives.servo.loops import PolePair
     from rig.studies.servo.observer import Interval, ObserverRow, ObserverTask, Rejection, Turns
 
 CORNER = "T_f\n[ms]"
@@ -115,14 +115,14 @@ def _numbers(text: str) -> tuple[float, ...]:
 
 
 def _check(nominal_inertia: float | None, order: int) -> None:
-    from rig.drives.servo.disturbance_design import HIGHEST_ORDER
+    from rig.drives.servo.disturbance_design import MAX_FILTER_ORDER
     from rig.drives.servo.errors import check_range
 
     if nominal_inertia is not None:
         check_range(
             "--nominal-inertia", nominal_inertia, 1e-12, 1e12, "give kg m², as felt at the motor"
         )
-    check_range("--order", order, 1, HIGHEST_ORDER, "1 or 2 is usual")
+    check_range("--order", order, 1, MAX_FILTER_ORDER, "1 or 2 is usual")
 
 
 def _document(
@@ -312,5 +312,5 @@ def _at(corners: Sequence[str]) -> str:
     return f"T_f {', '.join(corners)}" + ("" if corners[-1].startswith("→") else " ms")
 
 
-def _mode(pair: Mode | None) -> str:
+def _mode(pair: PolePair | None) -> str:
     return "none swings" if pair is None else f"{pair.frequency_rad_s:.6g}  {pair.damping:.4f}"

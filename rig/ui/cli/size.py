@@ -13,18 +13,18 @@ from rich.table import Table
 
 from planners.errors import unknown_name
 from rig.drives.screw import digits
-from rig.drives.screw.candidate import Candidate
+from rig.drives.screw.candidate import CatalogueEntry
 from rig.drives.screw.cycle import Cycle
 from rig.drives.screw.digits import number
 from rig.drives.screw.limits import absolute_least_lead
-from rig.drives.screw.table import Row
+from rig.drives.screw.table import CyclePhaseRow
 from rig.drives.screw.verdict import BROKEN, NOT_ASKED, UNDECIDED, Assessment
 from rig.errors import REFUSED, ConfigError
 from rig.run.toml_file import read_toml
 from rig.studies.sizing.axis_file import EXAMPLES, Sizing, example_tables, sizing_of
 from rig.studies.sizing.judgement import Judgement, document, judge
 from rig.studies.sizing.notes import notes
-from rig.studies.sizing.published import Comparison
+from rig.studies.sizing.published import FigureComparison
 from rig.ui.cli.output import COLOUR, out, print_json, wide
 
 FAR = 10.0  # a margin beyond, of either sign, is only told to be
@@ -201,7 +201,7 @@ def _share(margin: float, decimals: int) -> str:
     return f"{margin:+.{decimals}%}"
 
 
-def _motion(rows: Sequence[Row], cycle: Cycle) -> Table:
+def _motion(rows: Sequence[CyclePhaseRow], cycle: Cycle) -> Table:
     """The motion-law table."""
     first = [cycle.moves.index(move) + 1 for move in cycle.counts]
     once = "" if len(first) == len(cycle.moves) else "; equal moves once"
@@ -276,7 +276,7 @@ def _leaves(a: Assessment) -> str:
     )
 
 
-def _print_origins(entries: Sequence[Candidate]) -> None:
+def _print_origins(entries: Sequence[CatalogueEntry]) -> None:
     """Of the few by name, then of all others."""
     groups = Counter(entry.origin for entry in entries).most_common()
     for k, (origin, _) in reversed(list(enumerate(groups))):
@@ -288,7 +288,9 @@ def _print_origins(entries: Sequence[Candidate]) -> None:
         )
 
 
-def _print_published(printed: Sequence[Comparison], compared: Sequence[Comparison]) -> None:
+def _print_published(
+    printed: Sequence[FigureComparison], compared: Sequence[FigureComparison]
+) -> None:
     reasons = list(dict.fromkeys(row.reason for row in printed if row.reason))
     title = f"{len(compared)} printed figures; {sum(row.differs for row in compared)} are not the right ones (≠)"
     view = Table(title=title, title_justify="left")

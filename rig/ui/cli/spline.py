@@ -15,7 +15,7 @@ from rich.table import Table
 from planners.errors import unknown_name
 from planners.splines import SPLINES
 from planners.splines.allocation import ALLOCATIONS, allocate
-from planners.splines.analysis import NAMES, Analysis, analyse
+from planners.splines.analysis import NAMES, SplineAnalysis, analyse
 from planners.splines.blends import parabolic_blends
 from planners.splines.limits import OF_ORDER, AxisLimits
 from planners.splines.minimum_time import SHAPES, minimum_time
@@ -37,7 +37,7 @@ STEPS = {  # what the rows of a table leave out
     "C0": ", its speed steps, at an end perhaps: an acceleration without bound",
     "C1": ", its acceleration steps, at an end perhaps: a jerk without bound",
 }
-SAMPLE_S = 0.01
+TABLE_SAMPLE_S = 0.01
 MOST_ROWS = 1_000_000
 SLOW_POINTS = 10  # a search through fewer takes no two seconds
 MOST_SEARCHED = {
@@ -47,13 +47,13 @@ MOST_SEARCHED = {
     "b_spline_5": 25,
 }  # half a minute
 MOST_INTERVALS = 12  # told one by one
-ROUNDING = 1e-9  # of a sample
-NOTHING = 1e-12  # of a peak: rounding, shown as 0
+SAMPLE_ROUNDING_REL = 1e-9  # of a sample
+SHOWN_AS_ZERO_REL = 1e-12  # of a peak: rounding, shown as 0
 SMOOTHEST = 4  # highest continuous derivative that is looked for
 UNITS = ("m", "m/s", "m/s²", "m/s³")
 
 
-class Timing(NamedTuple):
+class PassageTimes(NamedTuple):
     """When the points are passed, and how that was found."""
 
     times_s: FloatArray  # (N,) from 0
@@ -184,17 +184,17 @@ def _timing(
     limits: AxisLimits,
     total_s: float | None,
     retime: bool,
-) -> Timing:
+) -> PassageTimes:
     """The file's times, the total time shared, or the least time within the limits."""
     if points.times_s is not None and not retime:
         if total_s is not None:
             raise ConfigError(
                 f"--time {total_s:g} with a column t_s; must be one of the two: add --retime to drop the column"
             )
-        return Timing(points.times_s - points.times_s[0], "at the file's times")
+        return PassageTimes(points.times_s - points.times_s[0], "at the file's times")
     start = SHARES[allocation]
     if total_s is not None:
-        return Timing(
+        return PassageTimes(
             _from_zero(allocate(points.points_m, total_s, ALLOCATIONS[start])),
             f"{allocation} shares",
         )
@@ -218,8 +218,12 @@ def _timing(
         default=1.0,
     )
     if least is None:
-        return Timing(shares * allocated_s, f"{allocation} shares, as fast as the limits allow")
-    return Timing(least.times_s, "the least time within the limits", allocated_s, least.reached)
+        return PassageTimes(
+            shares * allocated_s, f"{allocation} shares, as fast as the limits allow"
+        )
+    return PassageTimes(
+        least.times_s, "the least time within the limits", allocated_s, least.reached
+    )
 
 
 def _rows(points: Waypoints) -> Iterator[tuple[str, FloatArray]]:
@@ -259,9 +263,9 @@ def _miss_m(path: Trajectory, times_s: FloatArray, points_m: FloatArray) -> floa
 def _document(
     kind: str,
     points: Waypoints,
-    timing: Timing,
+    timing: PassageTimes,
     paths: dict[str, Trajectory],
-    found: dict[str, Analysis],
+    found: dict[str, SplineAnalysis],
     warnings: list[str],
 ) -> dict[str, object]:
     axes = {
@@ -286,7 +290,7 @@ def _document(
     }
 
 
-def _table(kind: str, timing: Timing, found: dict[str, Analysis]) -> Table:
+def _table(kind: str, timing: PassageTimes, found: dict[str, SplineAnalysis]) -> Table:
     title = (
         f"{kind} through {timing.times_s.size} points in {timing.times_s[-1]:.6f} s, {timing.how}"
     )
@@ -297,7 +301,7 @@ def _table(kind: str, timing: Timing, found: dict[str, Analysis]) -> Table:
         for name, unit in zip(NAMES, UNITS, strict=True):
             r = getattr(analysis, name)
             figures = [
-                f"{value if abs(value) > NOTHING * r.peak else 0.0:.6g}"
+                f"{value if abs(value) > SHOWN_AS_ZERO_REL * r.peak else 0.0:.6g}"
                 for value in (r.low, r.high, r.peak)
             ]
             word = name.split("_")[0]
@@ -314,7 +318,11 @@ def _table(kind: str, timing: Timing, found: dict[str, Analysis]) -> Table:
 
 
 def _tell(
-    kind: str, points: Waypoints, timing: Timing, paths: dict[str, Trajectory], warnings: list[str]
+    kind: str,
+    points: Waypoints,
+    timing: PassageTimes,
+    paths: dict[str, Trajectory],
+    warnings: list[str],
 ) -> None:
     """What the table cannot say."""
     lasts = ", ".join(f"{h:.6g}" for h in np.diff(timing.times_s)[:MOST_INTERVALS].tolist())
@@ -341,11 +349,13 @@ def _tell(
 
 def _write_csv(paths: dict[str, Trajectory], file: Path) -> None:
     end = max(path.duration_s for path in paths.values())
-    if end > MOST_ROWS * SAMPLE_S:
+    if end > MOST_ROWS * TABLE_SAMPLE_S:
         raise ConfigError(
-            f"--csv of {end:g} s every {SAMPLE_S:g} s; must be <= {MOST_ROWS} rows: give a shorter --time"
+            f"--csv of {end:g} s every {TABLE_SAMPLE_S:g} s; must be <= {MOST_ROWS} rows: give a shorter --time"
         )
-    t = np.minimum(SAMPLE_S * np.arange(math.ceil(end / SAMPLE_S - ROUNDING) + 1), end)
+    t = np.minimum(
+        TABLE_SAMPLE_S * np.arange(math.ceil(end / TABLE_SAMPLE_S - SAMPLE_ROUNDING_REL) + 1), end
+    )
     head = [f"{axis}_{unit}" for axis in paths for unit in ("m", "m_s", "m_s2", "m_s3")]
     columns = np.column_stack(
         [t, *(path.at(t, order) for path in paths.values() for order in range(4))]

@@ -17,7 +17,7 @@ from vision.errors import VisionError
 FIELDS = ("frame", "t_s", "angle_rad", "sigma_rad", "valid", "reason")
 
 
-class Row(NamedTuple):
+class TrackedFrame(NamedTuple):
     """One frame of the video; empty angle and sigma when it gave none."""
 
     frame: int
@@ -109,14 +109,14 @@ def _pivot(text: str) -> tuple[float, float]:
     return x, y
 
 
-def _rows(video: Path, pivot_px: tuple[float, float]) -> list[Row]:
+def _rows(video: Path, pivot_px: tuple[float, float]) -> list[TrackedFrame]:
     import cv2
 
     from vision.sources import video_frames
     from vision.tracker import Tracker
 
     cv2.setNumThreads(1)
-    rows: list[Row] = []
+    rows: list[TrackedFrame] = []
     tracker: Tracker | None = None
     for frame in video_frames(video):
         if tracker is None:
@@ -124,5 +124,7 @@ def _rows(video: Path, pivot_px: tuple[float, float]) -> list[Row]:
             tracker = Tracker(width, height)
         fit = tracker.measure(frame.red, pivot_px)
         angle, sigma = (fit.angle_rad, fit.sigma_rad) if fit.valid else (None, None)
-        rows.append(Row(frame.number, frame.t_s, angle, sigma, fit.valid, fit.reason.value))
+        rows.append(
+            TrackedFrame(frame.number, frame.t_s, angle, sigma, fit.valid, fit.reason.value)
+        )
     return rows

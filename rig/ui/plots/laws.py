@@ -22,7 +22,7 @@ TITLES = ("position / h", "speed × T/h", "acceleration × T²/h", "jerk × T³/
 SPECTRUM = "acceleration spectrum × T/h"
 OMEGA = "Ω = T / Tn: load periods in the move; dots: no swing left"
 CYCLES = 6.0  # load periods shown of a spectrum
-POINTS = 160  # of a piece
+PIECE_POINTS = 160  # of a piece
 MOST_OVERLAID = 6  # more laws than that are drawn in rows
 CLASSES = {"C1": "#c62828", "C2": "#1565c0", "C3": "#2e7d32"}  # one colour for each continuity
 COLOURS = ("#1565c0", "#c62828", "#2e7d32", "#ef6c00", "#6a1b9a", "#00838f")
@@ -212,7 +212,7 @@ def _spectrum(panel: Axes, name: str, colour: str, *, shade: bool = True) -> Non
 
 def _samples(path: Trajectory, order: int) -> tuple[FloatArray, FloatArray]:
     """Times and values, both sides of every joint: (pieces x points,) each."""
-    points = max(2, min(POINTS, MOST_SAMPLES // len(path.pieces)))
+    points = max(2, min(PIECE_POINTS, MOST_SAMPLES // len(path.pieces)))
     times = [np.linspace(0.0, piece.duration_s, points) for piece in path.pieces]
     values = [piece.at(t, order) for piece, t in zip(path.pieces, times, strict=True)]
     starts = path.breaks_s[:-1].tolist()

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from comms.messages import AngleSample
 from rig.analysis.identify.decay import DecayFit
-from rig.analysis.run_log import Array, RunLog
+from rig.analysis.run_log import FloatArray, RunLog
 
 WIDE, TALL = 10.0, 3.2  # inches
 PLANNED, ACTUAL, TRUE, TWIN, MEASURED = "#888888", "#1565c0", "#2e7d32", "#ef6c00", "#c62828"
@@ -178,7 +178,9 @@ def _move_window(run: RunLog) -> tuple[float, float]:
     return run.t_move_s - AROUND_S, run.t_move_s + end_s + AROUND_S
 
 
-def _cut(t: Array, y: Array, t0: float, t1: float, zero_s: float) -> tuple[Array, Array]:
+def _cut(
+    t: FloatArray, y: FloatArray, t0: float, t1: float, zero_s: float
+) -> tuple[FloatArray, FloatArray]:
     keep = (t >= t0) & (t <= t1)
     return t[keep] - zero_s, y[keep]
 

@@ -9,14 +9,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from planners.trajectories.pieces import FloatArray
-from rig.drives.screw.axis import Axis
+from rig.drives.screw.axis import AxisSpec
 from rig.drives.screw.limits import absolute_least_lead
-from rig.drives.screw.region import Line, Region, region
+from rig.drives.screw.region import LimitCurve, Region, region
 from rig.drives.screw.verdict import Assessment
 from rig.ui.plots.labels import label_points
 
 MM = 1e3
-POINTS = 400  # diameters
+CURVE_POINTS = 400  # diameters
 ROOM = 1.15  # of the largest screw
 THINNEST = 0.01  # of the chart's width
 TOLD = 4  # screws of which the chart says what they break
@@ -33,7 +33,7 @@ COLOURS = {
 CALM, BAD, INK = "#2e7d32", "#c62828", "#1a237e"
 
 
-def draw_region(axis: Axis, found: Sequence[Assessment], judged: Assessment) -> Figure:
+def draw_region(axis: AxisSpec, found: Sequence[Assessment], judged: Assessment) -> Figure:
     """Leads over diameters: a line for each limit, the admissible region shaded, screws that do and those that do not.
 
     judged is one of those found; the lines of the balls and of life are those of its nut.
@@ -46,7 +46,7 @@ def draw_region(axis: Axis, found: Sequence[Assessment], judged: Assessment) -> 
     )
     right = ROOM * max(least.diameter_m, *(a.candidate.diameter_m for a in found))
     top = ROOM * max(least.lead_m, *(a.candidate.lead_m for a in found))
-    limits = region(axis, np.linspace(THINNEST * right, right, POINTS), nut)
+    limits = region(axis, np.linspace(THINNEST * right, right, CURVE_POINTS), nut)
     notes = [
         *_shade(panel, limits, top),
         *(_line(panel, line, limits.diameter_m, top) for line in limits.lines),
@@ -107,7 +107,7 @@ def _shade(panel: Axes, limits: Region, top: float) -> list[str]:
     return []
 
 
-def _line(panel: Axes, line: Line, diameter_m: FloatArray, top: float) -> str:
+def _line(panel: Axes, line: LimitCurve, diameter_m: FloatArray, top: float) -> str:
     """A limit; a note in its place where it is off the chart."""
     colour = COLOURS[line.name]
     if line.diameter_m is not None:
@@ -129,7 +129,7 @@ def _line(panel: Axes, line: Line, diameter_m: FloatArray, top: float) -> str:
     return _off(line, kept=line.greatest == bool((line.lead_m >= top).any()))
 
 
-def _off(line: Line, kept: bool) -> str:
+def _off(line: LimitCurve, kept: bool) -> str:
     return f"{line.name}: off the chart, kept {'everywhere' if kept else 'nowhere'}"
 
 
@@ -160,7 +160,7 @@ def _told(broken: Sequence[Assessment]) -> list[str]:
     ] + rest
 
 
-def _inside(axis: Axis, a: Assessment, judged: Assessment) -> bool:
+def _inside(axis: AxisSpec, a: Assessment, judged: Assessment) -> bool:
     """Whether a screw lies within the region."""
     here = region(axis, np.array([a.candidate.diameter_m]), judged.candidate)
     return bool(here.low_m[0] <= a.candidate.lead_m <= here.high_m[0])

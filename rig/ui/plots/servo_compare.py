@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rig.studies.servo.compare import Row
+from rig.studies.servo.compare import ControllerRun
 from rig.ui.plots.servo_shaping import BARE, COLOURS, GREY
 
 BEFORE_S = 0.03  # shown before a move, and before its end in the close look
@@ -21,7 +21,7 @@ LABELS = (
 )
 
 
-def draw_comparison(rows: Sequence[Row]) -> Figure:
+def draw_comparison(rows: Sequence[ControllerRun]) -> Figure:
     """Rows of one truth; every controller in a colour of its own."""
     moves = sorted({row.move for row in rows})
     colours = dict(
@@ -42,7 +42,7 @@ def draw_comparison(rows: Sequence[Row]) -> Figure:
     return figure
 
 
-def _column(panels: Sequence[Axes], rows: Sequence[Row], colours: dict[str, str]) -> None:
+def _column(panels: Sequence[Axes], rows: Sequence[ControllerRun], colours: dict[str, str]) -> None:
     r = rows[0].recording
     panels[0].plot(
         r.t_s, np.degrees(r.reference_rad_s), color=GREY, lw=1.2, ls="--", label="reference"

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from planners.shapers import Shaper
 from rig.studies.servo.shaping import (
     UNSHAPED,
-    Pulse,
+    PulseResponse,
     Robustness,
     ShapingTask,
     impulse_response,
@@ -32,7 +32,7 @@ COLOURS = (
 )
 INK, GREY, BARE = "#212121", "#757575", "#c62828"
 IN_A_ROW = 3  # shapers
-POINTS = 1500  # of a curve
+CURVE_POINTS = 1500  # of a curve
 WATCHED = 1.5  # periods of the assumed mode after the last impulse, and after the torque
 
 
@@ -66,7 +66,7 @@ def draw_shaping(task: ShapingTask, rows: Sequence[Robustness]) -> Figure:
 
 def _impulses(panel: Axes, task: ShapingTask, row: Robustness, end_s: float) -> None:
     """Swing after the impulses, over that of one impulse; the impulses stand as stems."""
-    t_s = np.linspace(0.0, end_s, POINTS)
+    t_s = np.linspace(0.0, end_s, CURVE_POINTS)
     for k, case in enumerate(task.cases):
         label = "four cases" if k == 0 else None
         panel.plot(
@@ -96,7 +96,7 @@ def _impulses(panel: Axes, task: ShapingTask, row: Robustness, end_s: float) -> 
 def _pulses(
     speed: Axes, torque: Axes, task: ShapingTask, rows: Sequence[Robustness], watch_s: float
 ) -> None:
-    t_s = np.linspace(0.0, task.pulse_s + watch_s, POINTS)
+    t_s = np.linspace(0.0, task.pulse_s + watch_s, CURVE_POINTS)
     curves = [("unshaped", UNSHAPED, BARE)]
     curves += [(row.name, row.shaper, COLOURS[k % len(COLOURS)]) for k, row in enumerate(rows)]
     for name, shaper, colour in curves:
@@ -116,7 +116,7 @@ def _pulses(
     torque.set_xlabel(f"time [s]; 1 N m on 1 kg m² for {task.pulse_s:g} s")
 
 
-def _of_all(task: ShapingTask, shaper: Shaper, watch_s: float) -> list[Pulse]:
+def _of_all(task: ShapingTask, shaper: Shaper, watch_s: float) -> list[PulseResponse]:
     """As assumed, then the four cases."""
     return [pulse(task.pulse_s, shaper, mode, watch_s) for mode in (task.mode, *task.cases)]
 

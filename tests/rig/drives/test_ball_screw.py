@@ -16,9 +16,9 @@ from scipy.linalg import eigh
 
 from planners.laws import LAWS
 from rig.drives.motor import Drivetrain, effort
-from rig.drives.screw.axis import Axis
+from rig.drives.screw.axis import AxisSpec
 from rig.drives.screw.balls import BALLS_M_RPM, Balls
-from rig.drives.screw.candidate import Candidate
+from rig.drives.screw.candidate import CatalogueEntry
 from rig.drives.screw.checks import assess
 from rig.drives.screw.cycle import Cycle, Move
 from rig.drives.screw.demand import demand, shaft_demand
@@ -59,7 +59,7 @@ MOVES = (
 )
 CYCLE = Cycle(MOVES)
 GEAR = Transmission(efficiency=0.95, motor_inertia_kg_m2=2.16e-5, coupling_inertia_kg_m2=3e-5)
-AXIS = Axis(
+AXIS = AxisSpec(
     mounting=MOUNTING,
     load=LOAD,
     cycle=CYCLE,
@@ -68,7 +68,7 @@ AXIS = Axis(
     shares=Shares(whirl=0.7, buckling=0.6, balls=0.8, service_factor=1.2),
     wishes=Wishes(life_h=300_000.0, lead_class="ISO 5"),
 )
-UNIT = Candidate(
+UNIT = CatalogueEntry(
     name="80V hp 20x20",
     diameter_m=0.02,
     lead_m=0.02,

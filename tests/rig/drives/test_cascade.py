@@ -11,9 +11,9 @@ from scipy.linalg import expm
 
 from rig.drives.servo.cascade import Cascade, CascadeController
 from rig.drives.servo.errors import BeyondNyquist, ServoError
-from rig.drives.servo.loops import Mode, modes, swinging
+from rig.drives.servo.loops import PolePair, pole_pairs, swinging
 from rig.drives.servo.notch import Notch
-from rig.drives.servo.setpoint import Setpoint
+from rig.drives.servo.setpoint import MotorSetpoint
 from rig.drives.servo.two_mass import TwoMass
 from rig.drives.servo.wiring import position_loop
 
@@ -66,7 +66,7 @@ def test_normalised_gains_are_those_of_the_example():
 def test_the_speed_loop_has_the_poles_and_the_margin_of_the_reference():
     for name, notch in (("none", None), ("inside", INSIDE)):
         loop, known = GAINS.speed_loop(JOINT, notch), EXAMPLE[name]
-        shown = modes(loop.shown_poles_1_s)
+        shown = pole_pairs(loop.shown_poles_1_s)
         assert [mode.frequency_rad_s for mode in shown] == pytest.approx(
             known["speed_rad_s"], rel=1e-5
         )
@@ -80,7 +80,7 @@ def test_the_speed_loop_has_the_poles_and_the_margin_of_the_reference():
 def test_the_position_loop_has_the_poles_of_the_reference_and_hides_the_pair_that_was_cancelled():
     for name, (notch, where) in zip(("none", "inside", "upstream"), PLACES, strict=True):
         loop, known = GAINS.position_loop(JOINT, notch, where), EXAMPLE[name]
-        shown, hidden = modes(loop.shown_poles_1_s), modes(loop.hidden_poles_1_s)
+        shown, hidden = pole_pairs(loop.shown_poles_1_s), pole_pairs(loop.hidden_poles_1_s)
         assert [mode.frequency_rad_s for mode in shown] == pytest.approx(
             known["position_rad_s"], rel=1e-5
         )
@@ -98,9 +98,9 @@ def test_the_position_loop_has_the_poles_of_the_reference_and_hides_the_pair_tha
 
 
 def test_a_notch_beside_the_pair_hides_nothing():
-    off = Notch.tuned_to(Mode(0.9 * INSIDE.frequency_rad_s, INSIDE.numerator_damping))
+    off = Notch.tuned_to(PolePair(0.9 * INSIDE.frequency_rad_s, INSIDE.numerator_damping))
     assert GAINS.position_loop(JOINT, off).hidden_poles_1_s.size == 0
-    assert len(modes(GAINS.position_loop(JOINT, off).shown_poles_1_s)) == 5
+    assert len(pole_pairs(GAINS.position_loop(JOINT, off).shown_poles_1_s)) == 5
 
 
 @pytest.mark.parametrize("filter_s", [0.0, 5e-4])
@@ -149,7 +149,7 @@ def test_one_plus_the_sampled_loop_is_the_ratio_of_the_characteristic_polynomial
 
 def test_the_sampled_loop_tends_to_the_continuous_one():
     for notch, where in PLACES:
-        right = modes(GAINS.position_loop(JOINT, notch, where).closed.poles())
+        right = pole_pairs(GAINS.position_loop(JOINT, notch, where).closed.poles())
         off = []
         for period_s in (4e-5, 1e-5):
             found = position_loop(
@@ -176,7 +176,7 @@ def test_the_controller_moves_a_joint_as_its_sampled_loop_says(notch, where, fil
     )  # angle, speed, acceleration, motor and load torque
     controller = CascadeController(gains, period_s, notch, where)
     states, _ = Joint(JOINT, period_s).run(
-        controller, Setpoint(1.0, 2.0, 30.0), steps, motor_torque=4.0, load_torque=5.0
+        controller, MotorSetpoint(1.0, 2.0, 30.0), steps, motor_torque=4.0, load_torque=5.0
     )
     x, outputs = np.zeros(loop.closed.nstates), []
     for _ in range(steps):
@@ -199,7 +199,7 @@ def test_sampled_fast_the_controller_does_what_the_continuous_loop_does():
 
     period_s, steps = 2e-5, 10_000
     found, _ = Joint(JOINT, period_s).run(
-        CascadeController(GAINS, period_s), Setpoint(1.0), steps, load_torque=-3.0
+        CascadeController(GAINS, period_s), MotorSetpoint(1.0), steps, load_torque=-3.0
     )
     times = np.arange(0, steps, 500) * period_s
     right = (
@@ -213,7 +213,10 @@ def test_sampled_fast_the_controller_does_what_the_continuous_loop_does():
 
 def test_a_constant_torque_on_the_load_leaves_no_error_of_the_motor():
     states, torques = Joint(DRIVE, 1e-3).run(
-        CascadeController(Cascade.normalised(DRIVE), 1e-3), Setpoint(0.5), 4000, load_torque=0.2
+        CascadeController(Cascade.normalised(DRIVE), 1e-3),
+        MotorSetpoint(0.5),
+        4000,
+        load_torque=0.2,
     )
     assert states[-1, 0] == pytest.approx(0.5, abs=1e-7)
     assert torques[-1] == pytest.approx(-0.2, abs=1e-6)
@@ -226,7 +229,7 @@ def test_full_speed_feed_forward_follows_a_ramp_without_lag_and_less_lags_by_its
         gains = Cascade.normalised(DRIVE, speed_feed_forward=share)
         controller = CascadeController(gains, period_s)
         states, _ = Joint(DRIVE, period_s).run(
-            controller, lambda i: Setpoint(speed * i * period_s, speed), 4000
+            controller, lambda i: MotorSetpoint(speed * i * period_s, speed), 4000
         )
         lag = speed * 3999 * period_s - states[-1, 0]
         assert lag == pytest.approx((1.0 - share) * speed / gains.position_gain_1_s, abs=1e-6)
@@ -249,9 +252,9 @@ def test_the_torque_keeps_its_limit_and_the_integrator_does_not_wind_up():
             return min(max(self.free.step(setpoint, motor_angle_rad), -limit), limit)
 
     bound, torques = Joint(DRIVE, period_s).run(
-        CascadeController(gains, period_s), Setpoint(20.0), 3000
+        CascadeController(gains, period_s), MotorSetpoint(20.0), 3000
     )
-    wound, _ = Joint(DRIVE, period_s).run(Winding(), Setpoint(20.0), 3000)
+    wound, _ = Joint(DRIVE, period_s).run(Winding(), MotorSetpoint(20.0), 3000)
     assert np.abs(torques).max() == limit
     assert np.mean(np.abs(torques) == limit) > 0.1
     assert bound[-1, 0] == pytest.approx(20.0, abs=1e-3)
@@ -268,7 +271,7 @@ def test_a_limited_torque_lets_the_integrator_work_the_other_way():
         feed_forward_inertia_kg_m2=0.03,
     )
     controller = CascadeController(gains, 1e-3)
-    torques = [controller.step(Setpoint(0.0, 0.0, 100.0), 0.5) for _ in range(1000)]
+    torques = [controller.step(MotorSetpoint(0.0, 0.0, 100.0), 0.5) for _ in range(1000)]
     assert torques[2] == 1.0
     assert torques[-1] == -1.0
     assert min(np.diff(torques[2:])) > -0.02
@@ -279,9 +282,9 @@ def test_after_a_long_push_beyond_its_limit_the_drive_comes_back_at_once():
     period_s, limit = 1e-3, 0.2
     gains = Cascade.normalised(DRIVE, torque_limit_n_m=limit)
     joint, controller = Joint(DRIVE, period_s), CascadeController(gains, period_s)
-    joint.run(controller, Setpoint(0.0), 500, load_torque=0.3)
+    joint.run(controller, MotorSetpoint(0.0), 500, load_torque=0.3)
     pushed = joint.x[0]
-    states, torques = joint.run(controller, Setpoint(0.0), 2000)
+    states, torques = joint.run(controller, MotorSetpoint(0.0), 2000)
     assert pushed > 5.0
     assert states[:, 0].max() < 1.1 * pushed
     assert states[:, 0].min() > -0.05 * pushed
@@ -292,9 +295,9 @@ def test_after_a_long_push_beyond_its_limit_the_drive_comes_back_at_once():
 def test_a_reset_controller_does_what_a_new_one_does():
     for notch, where in PLACES:
         controller = CascadeController(GAINS, 1e-3, notch, where)
-        first = [controller.step(Setpoint(1.0, 2.0, 3.0), 0.01 * i) for i in range(20)]
+        first = [controller.step(MotorSetpoint(1.0, 2.0, 3.0), 0.01 * i) for i in range(20)]
         controller.reset()
-        assert [controller.step(Setpoint(1.0, 2.0, 3.0), 0.01 * i) for i in range(20)] == first
+        assert [controller.step(MotorSetpoint(1.0, 2.0, 3.0), 0.01 * i) for i in range(20)] == first
 
 
 @pytest.mark.parametrize(

@@ -14,8 +14,8 @@ from rig.drives.servo.cascade import Cascade, CascadeController
 from rig.drives.servo.disturbance_design import LowPass, Nominal, ObserverDesign
 from rig.drives.servo.disturbance_observer import Compensated, DisturbanceObserver
 from rig.drives.servo.errors import BeyondNyquist, Improper, ServoError
-from rig.drives.servo.loops import modes, swinging
-from rig.drives.servo.setpoint import Setpoint
+from rig.drives.servo.loops import pole_pairs, swinging
+from rig.drives.servo.setpoint import MotorSetpoint
 from rig.drives.servo.two_mass import TwoMass
 
 FIGURES = tomllib.loads((Path(__file__).parents[2] / "data" / "servo_loops.toml").read_text())
@@ -63,7 +63,7 @@ def run(joint, controller, steps, period_s=PERIOD_S, motor_torque=0.0, load_torq
     ]
     step, x, states, torques = expm(whole * period_s)[:4], np.zeros(4), [], []
     for _ in range(steps):
-        torque = controller.step(Setpoint(0.0), float(x[0]))
+        torque = controller.step(MotorSetpoint(0.0), float(x[0]))
         states.append(x)
         torques.append(torque)
         x = step @ np.array([*x, torque + motor_torque, load_torque])
@@ -96,7 +96,7 @@ def test_the_elastic_pair_over_the_time_constant_is_the_reference_s(index):
 
 
 def test_a_very_fast_q_leaves_the_motor_alone_and_the_load_at_the_locked_rotor_pair():
-    motor, load, _ = modes(design(1e-9).poles_1_s(DRIVE))
+    motor, load, _ = pole_pairs(design(1e-9).poles_1_s(DRIVE))
     assert motor.frequency_rad_s == pytest.approx(KNOWN["motor_pole_rad_s"], rel=1e-6)
     assert load.frequency_rad_s == pytest.approx(KNOWN["locked_rotor_rad_s"], rel=1e-6)
     assert load.damping == pytest.approx(KNOWN["locked_rotor_damping"], rel=1e-5)
@@ -182,7 +182,7 @@ def test_the_elastic_nominal_keeps_the_joint_s_poles_and_filters_only_what_is_no
         own.disturbance(DRIVE, "motor", "motor").at(omega), high * plant(1j * omega), rtol=1e-9
     )
     np.testing.assert_allclose(own.command(DRIVE, "motor").at(omega), plant(1j * omega), rtol=1e-9)
-    (hidden,) = modes(own.hidden_poles_1_s(DRIVE))
+    (hidden,) = pole_pairs(own.hidden_poles_1_s(DRIVE))
     assert hidden.frequency_rad_s == pytest.approx(KNOWN["locked_rotor_rad_s"], rel=1e-6)
 
 
@@ -396,9 +396,9 @@ def test_a_reset_observer_does_what_a_new_one_does():
         CascadeController(Cascade.normalised(DRIVE), PERIOD_S),
         DisturbanceObserver(design(), PERIOD_S),
     )
-    first = [controller.step(Setpoint(1.0, 2.0, 3.0), 0.01 * i) for i in range(20)]
+    first = [controller.step(MotorSetpoint(1.0, 2.0, 3.0), 0.01 * i) for i in range(20)]
     controller.reset()
-    assert [controller.step(Setpoint(1.0, 2.0, 3.0), 0.01 * i) for i in range(20)] == first
+    assert [controller.step(MotorSetpoint(1.0, 2.0, 3.0), 0.01 * i) for i in range(20)] == first
 
 
 # refused

@@ -20,7 +20,7 @@ from rig.drives.servo.feed_forward import (
     LoadFilter,
     characteristic,
     dynamic,
-    lead,
+    feed_forward_block,
     least_degree,
     nominal,
     pair,
@@ -176,7 +176,7 @@ def test_the_torque_told_is_its_mean_until_the_next_sample():
 
 def test_a_rigid_joint_is_told_its_inertia_and_friction():
     joint, u = JOINTS["fitted"], np.array([2.0, 30.0, -500.0])
-    told = lead("rigid", joint, 1e-3).d @ u
+    told = feed_forward_block("rigid", joint, 1e-3).d @ u
     inertia, friction = 1.5e-4 + 2.8736758e-4, 0.0034839632 + 4.9173636e-4
     np.testing.assert_allclose(
         told, [2.0, 30.0, 2.0, 30.0, friction * 30.0 - inertia * 500.0, 2.0], rtol=1e-12
@@ -184,7 +184,7 @@ def test_a_rigid_joint_is_told_its_inertia_and_friction():
 
 
 def test_without_feed_forward_only_the_integral_is_told():
-    assert lead("none", LISTED, 1e-3).d @ [2.0, 30.0, -500.0] == pytest.approx(
+    assert feed_forward_block("none", LISTED, 1e-3).d @ [2.0, 30.0, -500.0] == pytest.approx(
         [0.0, 0.0, 0.0, 0.0, 0.0, 2.0]
     )
 
@@ -194,7 +194,7 @@ def test_an_unknown_feed_forward_is_named_with_the_nearest():
         ServoError,
         match=r"feed_forward = 'rigit'; did you mean 'rigid'\? must be one of dynamic, none, rigid",
     ):
-        lead("rigit", LISTED, 1e-3)
+        feed_forward_block("rigit", LISTED, 1e-3)
 
 
 @settings(max_examples=40)

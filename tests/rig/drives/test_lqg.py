@@ -18,7 +18,7 @@ from rig.drives.servo.errors import BeyondNyquist, Improper, PolesOutOfReach, Se
 from rig.drives.servo.estimator import Estimator, Noise, kalman, sampled_kalman
 from rig.drives.servo.feed_forward import LoadFilter
 from rig.drives.servo.lqg import StateSpaceController, compensator, continuous_facts
-from rig.drives.servo.setpoint import Setpoint
+from rig.drives.servo.setpoint import MotorSetpoint
 from rig.drives.servo.state_feedback import Feedback, assign, lq
 from rig.drives.servo.two_mass import TwoMass
 from rig.drives.servo.wiring import position_loop
@@ -28,7 +28,7 @@ JOINTS = {name: TwoMass(**keys) for name, keys in DATA["joints"].items()}
 LISTED = JOINTS["listed"]
 FEEDBACK, ESTIMATOR = lq(LISTED, DATA["lq"]["weights"]), kalman(LISTED)
 joints = pytest.mark.parametrize("joint", JOINTS.values(), ids=JOINTS)
-AT_REST = Setpoint(0.0)
+AT_REST = MotorSetpoint(0.0)
 
 
 class Run(NamedTuple):
@@ -85,11 +85,11 @@ def trapezoid(figures):
 
     def at(t):
         if t < ramp:
-            return Setpoint(a * t**2 / 2, a * t, a)
+            return MotorSetpoint(a * t**2 / 2, a * t, a)
         if t < time - ramp:
-            return Setpoint(a * ramp * (t - ramp / 2), a * ramp, 0.0)
+            return MotorSetpoint(a * ramp * (t - ramp / 2), a * ramp, 0.0)
         left = max(time - t, 0.0)
-        return Setpoint(h - a * left**2 / 2, a * left, -a if left else 0.0)
+        return MotorSetpoint(h - a * left**2 / 2, a * left, -a if left else 0.0)
 
     return at, a * ramp
 
@@ -213,7 +213,7 @@ def test_margins_are_those_of_the_frequency_response(period_s):
     real = np.flatnonzero((loop.imag[:-1] * loop.imag[1:] < 0.0) & (loop.real[:-1] < 0.0))
     gains = -1.0 / loop.real[real]
     assert margins.gain == pytest.approx(gains[gains > 1.0].min(), rel=2e-3)
-    assert margins.least_gain == pytest.approx(gains[gains < 1.0].max(), rel=2e-3)
+    assert margins.lower_gain_margin == pytest.approx(gains[gains < 1.0].max(), rel=2e-3)
     assert margins.sensitivity == pytest.approx(np.max(1.0 / np.abs(1.0 + loop)), rel=1e-4)
 
 
@@ -222,7 +222,13 @@ def test_margins_are_those_of_the_frequency_response(period_s):
 def test_constant_torques_leave_no_error_of_the_motor(joint, feed_forward):
     controller = drive(joint, feed_forward=feed_forward)
     found = run(
-        controller, lambda t: Setpoint(3.0), 2.0, joint=joint, motor_n_m=-0.2, load_n_m=0.1, fine=1
+        controller,
+        lambda t: MotorSetpoint(3.0),
+        2.0,
+        joint=joint,
+        motor_n_m=-0.2,
+        load_n_m=0.1,
+        fine=1,
     )
     assert found.x[-1, 0] == pytest.approx(3.0, abs=1e-9)
     assert found.x[-1, 2] == pytest.approx(
@@ -264,7 +270,7 @@ def test_the_drive_tends_to_the_continuous_design_in_proportion_to_its_sample_ti
     for period in (2e-3, 1e-3, 5e-4, 2.5e-4):
         found = run(
             StateSpaceController(joint, FEEDBACK, ESTIMATOR, period),
-            lambda t: Setpoint(1.0),
+            lambda t: MotorSetpoint(1.0),
             0.1,
             period,
             fine=1,
@@ -295,9 +301,9 @@ def test_a_drive_at_its_limit_comes_back_without_winding_up(feed_forward, limit_
 def test_the_integral_waits_no_sample_to_leave_the_limit():
     controller = drive(LISTED, torque_limit_n_m=0.3)
     for _ in range(3000):  # against a stop
-        assert abs(controller.step(Setpoint(1.0), 0.0)) <= 0.3
-    assert controller.step(Setpoint(-1.0), 0.0) == 0.3  # the integral sees it from here on
-    assert controller.step(Setpoint(-1.0), 0.0) < 0.3
+        assert abs(controller.step(MotorSetpoint(1.0), 0.0)) <= 0.3
+    assert controller.step(MotorSetpoint(-1.0), 0.0) == 0.3  # the integral sees it from here on
+    assert controller.step(MotorSetpoint(-1.0), 0.0) < 0.3
 
 
 def test_a_limit_that_is_not_met_changes_nothing():
@@ -312,7 +318,7 @@ def test_a_limit_that_is_not_met_changes_nothing():
 def test_the_observer_knows_of_the_limit():
     """Were it told the torque asked for, it would expect ten times the speed and drive against it."""
     controller = drive(LISTED, torque_limit_n_m=0.1, feed_forward="rigid")
-    pushed = run(controller, lambda t: Setpoint(50.0), 0.2, fine=1)
+    pushed = run(controller, lambda t: MotorSetpoint(50.0), 0.2, fine=1)
     assert np.all(pushed.torque_n_m == 0.1)
     held = np.full(2, 0.1)
     exact = (
@@ -322,7 +328,9 @@ def test_the_observer_knows_of_the_limit():
         * held[0]
     )
     np.testing.assert_allclose(pushed.x[-1], exact, rtol=1e-9)
-    back = run(controller, lambda t: Setpoint(float(exact[0])), 1.5, fine=1, start=pushed.x[-1])
+    back = run(
+        controller, lambda t: MotorSetpoint(float(exact[0])), 1.5, fine=1, start=pushed.x[-1]
+    )
     assert back.x[-1, 2] == pytest.approx(exact[0], abs=1e-3)
 
 
@@ -330,10 +338,10 @@ def test_the_observer_knows_of_the_limit():
 @given(st.lists(st.floats(-10, 10), min_size=8, max_size=8), st.floats(-3, 3))
 def test_without_a_limit_the_drive_is_linear_and_resets_to_rest(angles, factor):
     controller = drive(LISTED, feed_forward="dynamic")
-    one = [controller.step(Setpoint(a, 2 * a, -a), a / 3) for a in angles]
+    one = [controller.step(MotorSetpoint(a, 2 * a, -a), a / 3) for a in angles]
     controller.reset()
     other = [
-        controller.step(Setpoint(factor * a, 2 * factor * a, -factor * a), factor * a / 3)
+        controller.step(MotorSetpoint(factor * a, 2 * factor * a, -factor * a), factor * a / 3)
         for a in angles
     ]
     np.testing.assert_allclose(other, factor * np.array(one), rtol=1e-9, atol=1e-9)
@@ -347,7 +355,7 @@ def test_the_block_of_a_drive_is_what_it_steps(feed_forward):
     system, x = controller.system, np.zeros(controller.system.nstates)
     for k in range(30):
         u = np.array([math.sin(0.1 * k), 0.1 * k, 2.0, 0.02 * k**2])
-        assert controller.step(Setpoint(*u[:3]), u[3]) == pytest.approx(
+        assert controller.step(MotorSetpoint(*u[:3]), u[3]) == pytest.approx(
             float((system.C @ x + system.D @ u)[0]), rel=1e-9
         )
         x = system.A @ x + system.B @ u
@@ -364,7 +372,7 @@ def test_a_joint_it_is_not_told_of_is_held_all_the_same(joint):
 def test_a_feedback_without_integral_still_steps():
     k = assign(LISTED, [-60 + 60j, -60 - 60j, -105 + 105j, -105 - 105j, -1e-3])
     controller = StateSpaceController(LISTED, k, ESTIMATOR, 1e-3, torque_limit_n_m=1.0)
-    assert math.isfinite(controller.step(Setpoint(100.0), 0.0))
+    assert math.isfinite(controller.step(MotorSetpoint(100.0), 0.0))
 
 
 @pytest.mark.parametrize(

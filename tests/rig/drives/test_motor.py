@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from planners.errors import PlanError
 from planners.laws import LAWS
-from planners.trajectories.pieces import ExpPolynomial, Mode, Smooth, polynomial
+from planners.trajectories.pieces import ExpPolynomial, ModalTerm, Smooth, polynomial
 from planners.trajectories.trajectory import Trajectory
 from rig.drives.motor import Drivetrain, Motor, check, effort, operating_points, torque
 
@@ -23,7 +23,7 @@ SHAFT = Drivetrain(motor_inertia_kg_m2=1.0, motor_friction_n_m_s_rad=0.3)
 RAMP_S = (3.0 - math.sqrt(5.0)) / 2.0  # of the trapezoid: 15 rad/s2 (3 s - ramp) ramp = 15 rad
 TASKS = {
     "cycloidal": Trajectory(
-        (ExpPolynomial(3.0, (0.0, 5.0), (Mode(2j * math.pi / 3.0, (15j / (2 * math.pi),)),)),)
+        (ExpPolynomial(3.0, (0.0, 5.0), (ModalTerm(2j * math.pi / 3.0, (15j / (2 * math.pi),)),)),)
     ),
     "trapezoidal": Trajectory(
         (
@@ -36,7 +36,7 @@ TASKS = {
 numbers = st.floats(-2, 2)
 motions = st.builds(
     lambda d, c, s, w, a: Trajectory(
-        (ExpPolynomial(d, tuple(c), (Mode(complex(s, w), (complex(a, 0.2), 0.1j)),)),)
+        (ExpPolynomial(d, tuple(c), (ModalTerm(complex(s, w), (complex(a, 0.2), 0.1j)),)),)
     ),
     st.floats(0.2, 2.0),
     st.lists(numbers, min_size=2, max_size=5),

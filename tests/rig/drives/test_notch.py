@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rig.drives.servo.errors import BeyondNyquist, ServoError
-from rig.drives.servo.loops import Mode
+from rig.drives.servo.loops import PolePair
 from rig.drives.servo.notch import Notch
 
 FIGURES = tomllib.loads((Path(__file__).parents[2] / "data" / "servo_loops.toml").read_text())[
@@ -100,7 +100,7 @@ def test_without_prewarp_the_notch_moves_down_as_far_as_the_bilinear_transform_s
 
 def test_tuned_to_a_pair_of_poles_its_zeros_are_that_pair():
     plant = control.tf([1.0], [1.0, 40.0, 80_000.0])
-    pair = Mode(math.sqrt(80_000.0), 20.0 / math.sqrt(80_000.0))
+    pair = PolePair(math.sqrt(80_000.0), 20.0 / math.sqrt(80_000.0))
     notch = Notch.tuned_to(pair, 0.9)
     np.testing.assert_allclose(np.sort(notch.system.zeros()), np.sort(plant.poles()), rtol=1e-12)
     assert notch.denominator_damping == 0.9
@@ -129,7 +129,7 @@ def test_tuned_to_a_pair_of_poles_its_zeros_are_that_pair():
             lambda: Notch(frequency_rad_s=9.0, numerator_damping=0.1, denominator_damping=1e3),
             "denominator_damping = 1000.0",
         ),
-        (lambda: Notch.tuned_to(Mode(100.0, -0.1)), "numerator_damping = -0.1"),
+        (lambda: Notch.tuned_to(PolePair(100.0, -0.1)), "numerator_damping = -0.1"),
         (lambda: Notch.of_band(9.0, 1.0, 0.71), "depth = 0.71; must be 0 or more and < 0.707107"),
         (lambda: Notch.of_band(9.0, 0.0), "band_rad_s = 0.0"),
         (lambda: Notch(frequency_rad_s=9.0, numerator_damping=0.1).sampled(0.0), "period_s = 0.0"),

@@ -15,7 +15,7 @@ from planners.errors import PlanError
 from rig.drives.motor import Motor
 from rig.drives.screw import digits
 from rig.drives.screw.balls import Balls
-from rig.drives.screw.candidate import Candidate
+from rig.drives.screw.candidate import CatalogueEntry
 from rig.drives.screw.checks import allowed_speed, assess
 from rig.drives.screw.cycle import Cycle, Move
 from rig.drives.screw.lead_classes import LEAD_CLASSES, TABULATED, lead_class, travel_deviation_m
@@ -24,7 +24,7 @@ from rig.drives.screw.region import region
 from rig.drives.screw.shaft import Mounting
 from rig.drives.screw.supports import SUPPORTS
 from rig.drives.screw.transmission import Transmission
-from rig.drives.screw.verdict import NOT_ASKED, UNDECIDED, Check
+from rig.drives.screw.verdict import NOT_ASKED, UNDECIDED, LimitCheck
 from rig.drives.screw.wishes import Shares, Wishes
 from rig.studies.sizing.axis_file import example_tables, sizing_of
 
@@ -76,7 +76,7 @@ def test_the_cycle_slowed_as_told_is_what_the_unit_can_do():
 
 
 def test_what_the_catalogue_does_not_tell_is_not_decided_and_what_nobody_asks_is_only_told():
-    bare = Candidate(name="20x20", diameter_m=0.02, lead_m=0.02, origin="a guess")
+    bare = CatalogueEntry(name="20x20", diameter_m=0.02, lead_m=0.02, origin="a guess")
     found = assess(AXIS, bare)
     assert found.admissible
     assert [check.name for check in found.undecided] == ["dynamic load", "life", "lead class"]
@@ -151,7 +151,9 @@ def test_a_class_that_nobody_asks_for_is_told_where_the_table_has_none():
 
 
 def test_the_dynamic_load_to_ask_for_is_one_that_lasts():
-    bare = Candidate(name="20x20", diameter_m=0.02, lead_m=0.02, origin="a guess", preload_n=580.0)
+    bare = CatalogueEntry(
+        name="20x20", diameter_m=0.02, lead_m=0.02, origin="a guess", preload_n=580.0
+    )
     reason = by_name(assess(AXIS, bare))["life"].reason
     load = float(re.search(r"ask the maker for ([0-9.]+) N or more", reason)[1])
     assert by_name(assess(AXIS, replace(bare, dynamic_load_n=load)))["life"].state == "kept"
@@ -179,8 +181,10 @@ def test_numbers_have_four_digits_unless_those_hide_a_difference_and_the_units_o
 
 def test_a_margin_is_a_share_of_the_bound_whichever_side_is_the_safe_one():
     for value, margin in ((50.0, 0.5), (100.0, 0.0), (130.0, -0.3)):
-        assert Check("", value, 100.0, "").margin == pytest.approx(margin)
-        assert Check("", 200.0 - value, 100.0, "", at_least=True).margin == pytest.approx(margin)
+        assert LimitCheck("", value, 100.0, "").margin == pytest.approx(margin)
+        assert LimitCheck("", 200.0 - value, 100.0, "", at_least=True).margin == pytest.approx(
+            margin
+        )
 
 
 def test_what_is_told_in_full_ranks_before_what_fits_as_far_as_is_told():

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 
 from rig.drives.motor import Motor
 from rig.drives.screw import digits
-from rig.drives.screw.axis import Axis
+from rig.drives.screw.axis import AxisSpec
 from rig.drives.screw.balls import Balls
-from rig.drives.screw.candidate import Candidate
+from rig.drives.screw.candidate import CatalogueEntry
 from rig.drives.screw.checks import assess
 from rig.drives.screw.cycle import Cycle, Move
 from rig.drives.screw.load import AxisLoad
@@ -28,13 +28,15 @@ from rig.drives.screw.wishes import Wishes
 from rig.studies.sizing.axis_file import example_tables, sizing_of
 
 THERE = Move(stroke_m=0.5, time_s=0.5, law="quintic", rest_s=0.2)
-AXIS = Axis(
+AXIS = AxisSpec(
     mounting=Mounting(length_m=1.2),
     load=AxisLoad(mass_kg=80.0, slope_rad=0.3, friction_coefficient=0.05),
     cycle=Cycle((THERE, replace(THERE, stroke_m=-0.5, rest_s=0.0))),
     transmission=Transmission(),
 )
-SCREW = Candidate(name="20x5", diameter_m=0.02, lead_m=0.005, origin="x", dynamic_load_n=8000.0)
+SCREW = CatalogueEntry(
+    name="20x5", diameter_m=0.02, lead_m=0.005, origin="x", dynamic_load_n=8000.0
+)
 sizes = {"d": st.floats(0.006, 0.05), "p": st.floats(0.002, 0.05)}
 
 

@@ -79,7 +79,12 @@ def test_a_continuous_system_is_no_block():
 
 def test_modes_are_one_of_each_pair_slowest_first_and_an_unstable_one_has_negative_damping():
     poles = np.array([-3.0 + 4.0j, -3.0 - 4.0j, -1.0, 0.0, 2.0])
-    assert loops.modes(poles) == ((0.0, 1.0), (1.0, 1.0), (2.0, -1.0), pytest.approx((5.0, 0.6)))
+    assert loops.pole_pairs(poles) == (
+        (0.0, 1.0),
+        (1.0, 1.0),
+        (2.0, -1.0),
+        pytest.approx((5.0, 0.6)),
+    )
     assert loops.swinging(poles) == (pytest.approx((5.0, 0.6)),)
 
 
@@ -104,7 +109,7 @@ def test_a_third_lag_bounds_the_gain():
     """L = k / (1 + s)^3 reaches -180 deg at sqrt 3, where |L| = k / 8."""
     system, omega = control.tf([2.0], [1.0, 3.0, 3.0, 1.0]), np.geomspace(0.1, 10.0, 20_001)
     found = loops.margins(system)
-    assert (found.gain, found.least_gain) == pytest.approx((4.0, 0.0), rel=1e-6)
+    assert (found.gain, found.lower_gain_margin) == pytest.approx((4.0, 0.0), rel=1e-6)
     assert found.sensitivity == pytest.approx(
         np.max(1.0 / np.abs(1.0 + system(1j * omega))), rel=1e-6
     )
@@ -113,7 +118,7 @@ def test_a_third_lag_bounds_the_gain():
 def test_a_loop_that_less_gain_would_let_go_tells_to_where_it_may_fall():
     """L = k (s + 1)^2 / s^3 closes to s^3 + k s^2 + 2 k s + k, stable for k > 1 / 2 (Routh)."""
     found = loops.margins(control.tf([2.0, 4.0, 2.0], [1.0, 0.0, 0.0, 0.0]))
-    assert (found.gain, found.least_gain) == pytest.approx((math.inf, 0.25), rel=1e-6)
+    assert (found.gain, found.lower_gain_margin) == pytest.approx((math.inf, 0.25), rel=1e-6)
 
 
 @pytest.mark.parametrize("pole", [1.0, 0.5, 0.0, -0.6])
@@ -139,8 +144,8 @@ def test_a_static_loop_has_the_sensitivity_of_its_gain():
 
 def test_an_unstable_loop_is_told():
     opened = control.tf([25.0], [1.0, -2.0, 0.0])
-    assert not loops.facts(opened, control.feedback(opened)).stable
-    assert loops.facts(
+    assert not loops.analyse_loop(opened, control.feedback(opened)).stable
+    assert loops.analyse_loop(
         control.tf([25.0], [1.0, 2.0, 0.0]), control.feedback(control.tf([25.0], [1.0, 2.0, 0.0]))
     ).stable
 
@@ -148,7 +153,7 @@ def test_an_unstable_loop_is_told():
 def test_a_loop_s_facts_are_those_of_its_closed_form():
     """k / (s (s + 2)) closed: s^2 + 2 s + k."""
     opened = control.tf([25.0], [1.0, 2.0, 0.0])
-    found = loops.facts(opened, control.feedback(opened))
+    found = loops.analyse_loop(opened, control.feedback(opened))
     assert found.modes == (pytest.approx((5.0, 0.2)),)
     assert found.zeros_1_s.size == 0
     assert found.condition > 1.0

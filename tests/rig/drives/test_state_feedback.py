@@ -17,12 +17,12 @@ from scipy.signal import place_poles
 from rig.drives.servo import riccati
 from rig.drives.servo.errors import (
     BeyondNyquist,
+    NotControllable,
     NotObservable,
-    NotReachable,
     PolesOutOfReach,
     ServoError,
 )
-from rig.drives.servo.reachability import check_observable, check_reachable, reach
+from rig.drives.servo.reachability import check_controllable, check_observable, mode_controllability
 from rig.drives.servo.state_feedback import (
     Feedback,
     assign,
@@ -148,7 +148,7 @@ def test_lq_keeps_the_loop_a_unit_away_from_minus_one(weights):
 def test_lq_has_sixty_degrees_and_takes_half_its_gain(joint):
     margins = lq(joint, WEIGHTS).facts(joint).margins
     assert margins.phase_deg >= 60.0
-    assert margins.least_gain < 0.5
+    assert margins.lower_gain_margin < 0.5
     assert margins.gain == math.inf
     assert margins.sensitivity == pytest.approx(1.0, abs=1e-6)
     for share in (0.5, 1.0, 100.0):
@@ -236,36 +236,36 @@ def test_raw_ranks_mislead_and_the_scaled_test_does_not():
     assert np.linalg.cond(krylov) == pytest.approx(
         DATA["structure"]["cond_reachability_matrix"], rel=1e-4
     )
-    assert reach(a, b)[0].measure > 0.1
-    assert reach(a.T, np.eye(4)[0])[0].measure > 0.1
+    assert mode_controllability(a, b)[0].measure > 0.1
+    assert mode_controllability(a.T, np.eye(4)[0])[0].measure > 0.1
 
 
 def test_units_of_the_states_do_not_change_whether_they_are_reached():
     a, b = LISTED.state_matrix, LISTED.input_matrix[:, 0]
     units = np.array([1e3, 1e-3, 10.0, 1e6])
-    other = reach(a * units / units[:, None], b / units)[0].measure
-    assert 0.3 < other / reach(a, b)[0].measure < 3.0
+    other = mode_controllability(a * units / units[:, None], b / units)[0].measure
+    assert 0.3 < other / mode_controllability(a, b)[0].measure < 3.0
 
 
 @pytest.mark.parametrize("design", [lambda: assign(SOFT, POLES), lambda: lq(SOFT, WEIGHTS)])
 def test_a_load_behind_no_stiffness_is_not_reached(design):
-    with pytest.raises(NotReachable, match=r"mode at .* 1/s .* measure = .* must be > 1e-08"):
+    with pytest.raises(NotControllable, match=r"mode at .* 1/s .* measure = .* must be > 1e-08"):
         design()
 
 
 def test_a_mode_that_the_input_does_not_touch_is_named():
     a = np.diag([-1.0, -20.0, -300.0])
-    with pytest.raises(NotReachable, match="mode at -20 1/s"):
-        check_reachable(a, np.array([1.0, 0.0, 1.0]))
+    with pytest.raises(NotControllable, match="mode at -20 1/s"):
+        check_controllable(a, np.array([1.0, 0.0, 1.0]))
     with pytest.raises(NotObservable, match="mode at -300 1/s"):
         check_observable(a, np.array([1.0, 1.0, 0.0]))
-    check_reachable(a, np.ones(3))
+    check_controllable(a, np.ones(3))
     check_observable(a, np.ones(3))
 
 
 def test_two_equal_modes_are_one_too_many_for_one_input():
-    with pytest.raises(NotReachable, match="mode at -5 1/s"):
-        check_reachable(np.diag([-5.0, -5.0]), np.ones(2))
+    with pytest.raises(NotControllable, match="mode at -5 1/s"):
+        check_controllable(np.diag([-5.0, -5.0]), np.ones(2))
 
 
 @pytest.mark.parametrize(
@@ -279,7 +279,7 @@ def test_two_equal_modes_are_one_too_many_for_one_input():
 )
 def test_matrices_that_do_not_fit_are_refused(a, b):
     with pytest.raises(ServoError, match="must be"):
-        check_reachable(a, b)
+        check_controllable(a, b)
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rig.drives.servo.errors import ServoError
-from rig.drives.servo.loops import modes, swinging
+from rig.drives.servo.loops import pole_pairs, swinging
 from rig.drives.servo.two_mass import TwoMass
 
 DATA = tomllib.loads((Path(__file__).parents[2] / "data" / "servo_joint.toml").read_text())
@@ -35,7 +35,7 @@ def figures(joint: TwoMass) -> dict[str, float]:
         "antiresonance_damping": zero.damping,
         "resonance_rad_s": pole.frequency_rad_s,
         "resonance_damping": pole.damping,
-        "real_pole_1_s": modes(joint.poles_1_s)[0].frequency_rad_s,
+        "real_pole_1_s": pole_pairs(joint.poles_1_s)[0].frequency_rad_s,
     }
 
 

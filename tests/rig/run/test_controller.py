@@ -21,8 +21,8 @@ from comms.messages import (
     Setpoint,
     Verb,
 )
-from comms.task import NOTHING, Step
-from rig.run.tasks.controller.task import Controller, ControllerSettings, build
+from comms.task import NO_STEP, Step
+from rig.run.tasks.controller.task import ControllerSettings, ControllerTask, build
 
 MS = 1_000_000
 TICK_NS = 5 * MS
@@ -49,7 +49,7 @@ def reference(x_m: float, t_target_ns: int) -> Reference:
     )
 
 
-def tell(controller: Controller, message: Message, t_ns: int) -> Step:
+def tell(controller: ControllerTask, message: Message, t_ns: int) -> Step:
     """Hand a message over."""
     return controller.on_message("-", message, t_ns)
 
@@ -64,9 +64,9 @@ def setpoints(step: Step) -> list[Setpoint]:
     return [send.message for send in step.sends if isinstance(send.message, Setpoint)]
 
 
-def after(*verbs: Verb) -> Controller:
+def after(*verbs: Verb) -> ControllerTask:
     """A controller that knows the robot and got these orders at 600 ms, t_start."""
-    controller = Controller(ControllerSettings(reference_stale_ns=STALE_NS))
+    controller = ControllerTask(ControllerSettings(reference_stale_ns=STALE_NS))
     controller.start(T_START_NS - TICK_NS)
     tell(controller, joints(T_START_NS), T_START_NS)
     for verb in verbs:
@@ -76,7 +76,7 @@ def after(*verbs: Verb) -> Controller:
 
 
 def run(
-    controller: Controller,
+    controller: ControllerTask,
     ticks: range,
     refer: Callable[[int], float | None] = lambda k: None,
     encoders: bool = True,
@@ -106,7 +106,7 @@ def news(steps: list[Step]) -> list[Reply]:
 
 @pytest.mark.parametrize("t_ns", [0, 1, TICK_NS - 1, TICK_NS, 123_456_789])
 def test_the_first_wake_is_the_next_instant_of_the_grid_of_the_run_clock(t_ns: int) -> None:
-    wake_ns = Controller(ControllerSettings(reference_stale_ns=STALE_NS)).start(t_ns).wake_ns
+    wake_ns = ControllerTask(ControllerSettings(reference_stale_ns=STALE_NS)).start(t_ns).wake_ns
     assert wake_ns is not None
     assert wake_ns % TICK_NS == 0
     assert t_ns < wake_ns <= t_ns + TICK_NS
@@ -206,14 +206,14 @@ def test_before_arming_the_state_commands_where_the_robot_stands() -> None:
 
 
 def test_a_robot_nobody_heard_of_has_no_state() -> None:
-    controller = Controller(ControllerSettings(reference_stale_ns=STALE_NS))
+    controller = ControllerTask(ControllerSettings(reference_stale_ns=STALE_NS))
     controller.start(0)
     assert [controller.on_tick(k * TICK_NS).sends for k in range(1, 5)] == [()] * 4
 
 
 @pytest.mark.parametrize("verb", [Verb.STATUS, Verb.ARM])
 def test_a_controller_without_encoders_refuses_to_say_it_is_ready_or_to_arm(verb: Verb) -> None:
-    controller = Controller(ControllerSettings(reference_stale_ns=STALE_NS))
+    controller = ControllerTask(ControllerSettings(reference_stale_ns=STALE_NS))
     controller.start(0)
     (reply,) = replies(tell(controller, order(verb, id=12), 0))
     assert (reply.id, reply.ok, reply.phase) == (12, False, Phase.IDLE)
@@ -331,7 +331,7 @@ def test_a_stop_between_start_and_t_start_keeps_the_robot_where_it_is(verb: Verb
 
 
 def test_an_emergency_stop_works_without_encoders() -> None:
-    controller = Controller(ControllerSettings(reference_stale_ns=STALE_NS))
+    controller = ControllerTask(ControllerSettings(reference_stale_ns=STALE_NS))
     (reply,) = replies(tell(controller, order(Verb.ESTOP), 0))
     assert (reply.ok, reply.phase) == (True, Phase.FAULT)
 
@@ -339,7 +339,7 @@ def test_an_emergency_stop_works_without_encoders() -> None:
 def test_the_last_call_sends_nothing_and_leaves_the_robot_stopped() -> None:
     controller = after(Verb.ARM, Verb.START)
     before = xs(run(controller, range(3), lambda k: 0.056))
-    assert controller.stop(T_START_NS + 11 * MS) == NOTHING
+    assert controller.stop(T_START_NS + 11 * MS) == NO_STEP
     assert set(xs(run(controller, range(3, 20), lambda k: 0.2))) == {before[-1]}
 
 
@@ -359,4 +359,4 @@ def test_settings_travel_as_json() -> None:
     with pytest.raises(msgspec.ValidationError, match="reference_stale"):
         build(b"{}")
     built = build(msgspec.json.encode(settings))
-    assert built.start(0) == Controller(settings).start(0)
+    assert built.start(0) == ControllerTask(settings).start(0)

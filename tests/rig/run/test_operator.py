@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from comms.messages import Command, Phase, Reply, RobotState, Verb
-from comms.task import NOTHING, Step
+from comms.task import NO_STEP, Step
 from rig.run.tasks.operator import (
     ANSWER_NS,
     CONNECT_NS,
@@ -80,7 +80,7 @@ class Hand:
 
     def all_reply(self, tasks: tuple[str, ...] = TASKS) -> Step:
         """Everybody says yes; the step after the last."""
-        id, step = self.id, NOTHING
+        id, step = self.id, NO_STEP
         for task in tasks:
             step = self.reply(task, id=id)
         return step
@@ -140,8 +140,8 @@ def test_t_start_lies_at_least_half_a_second_ahead_on_a_common_multiple_of_all_p
 def test_nothing_goes_on_before_the_last_task_has_answered(stage: Stage, missing: str) -> None:
     hand = Hand().until(stage)
     others = tuple(task for task in TASKS if task != missing)
-    assert hand.all_reply(others) == NOTHING
-    assert hand.all_reply(others) == NOTHING, "who answers twice does not answer for another"
+    assert hand.all_reply(others) == NO_STEP
+    assert hand.all_reply(others) == NO_STEP, "who answers twice does not answer for another"
     assert hand.operator.stage is stage
     hand.reply(missing)
     assert hand.operator.stage is not stage
@@ -174,7 +174,7 @@ def test_an_answer_to_an_earlier_order_does_not_count() -> None:
     asked = hand.id
     hand.all_reply()
     for task in TASKS:
-        assert hand.reply(task, id=asked) == NOTHING
+        assert hand.reply(task, id=asked) == NO_STEP
     assert hand.operator.stage is Stage.ARMING
 
 
@@ -211,7 +211,7 @@ def test_a_refused_order_stops_the_movers_and_says_why(
 
 def test_a_task_that_is_not_ready_yet_is_asked_again() -> None:
     hand = Hand().until(Stage.CONNECTING)
-    assert hand.reply("controller", ok=False, text="encoders are silent") == NOTHING
+    assert hand.reply("controller", ok=False, text="encoders are silent") == NO_STEP
     assert (Verb.STATUS, "controller") in said(hand.tick(RETRY_NS))
 
 
@@ -265,7 +265,7 @@ def test_a_stop_goes_to_both_movers_in_any_stage_and_the_run_closes_when_both_ob
     assert said(hand.do(hand.operator.end("enough", code, hand.t_ns))) == to_all(
         verb, ("controller", "streamer")
     )
-    assert hand.reply("controller") == NOTHING
+    assert hand.reply("controller") == NO_STEP
     closing = hand.reply("streamer")
     assert (said(closing), closing.exit) == (to_all(Verb.CLOSE), code)
     assert hand.operator.reasons == ["enough"]
@@ -274,7 +274,7 @@ def test_a_stop_goes_to_both_movers_in_any_stage_and_the_run_closes_when_both_ob
 def test_a_second_stop_while_stopping_changes_nothing() -> None:
     hand = Hand().until(Stage.RUNNING)
     hand.operator.end("first", 4, 0)
-    assert hand.operator.end("second", 4, 1) == NOTHING
+    assert hand.operator.end("second", 4, 1) == NO_STEP
     assert hand.operator.reasons == ["first"]
 
 
@@ -284,7 +284,7 @@ def test_an_emergency_while_stopping_in_order_still_goes_out_and_makes_the_exit_
     assert said(hand.operator.end("estop from another terminal", 5, 1)) == to_all(
         Verb.ESTOP, ("controller", "streamer")
     )
-    assert hand.operator.end("estop from another terminal", 5, 2) == NOTHING
+    assert hand.operator.end("estop from another terminal", 5, 2) == NO_STEP
     assert hand.operator.exit_code == 5
     assert hand.operator.reasons == ["stop from another terminal", "estop from another terminal"]
 
@@ -292,9 +292,9 @@ def test_an_emergency_while_stopping_in_order_still_goes_out_and_makes_the_exit_
 def test_a_closed_run_hears_nothing_more() -> None:
     hand = Hand().until(Stage.RUNNING)
     hand.operator.stop_now("now", 4, 0)
-    assert hand.operator.end("again", 5, 1) == NOTHING
+    assert hand.operator.end("again", 5, 1) == NO_STEP
     assert hand.operator.stop_now("again", 5, 1).sends == ()
-    assert hand.tick(100 * S) == NOTHING
+    assert hand.tick(100 * S) == NO_STEP
     assert hand.operator.exit_code == 4
 
 
@@ -353,7 +353,7 @@ def test_news_with_an_exit_code_end_the_run_with_it(code: int, verb: Verb) -> No
 
 def test_news_without_an_exit_code_are_noted_and_nothing_else() -> None:
     hand = Hand().until(Stage.RUNNING)
-    assert hand.reply("streamer", text="the load swings 0.1 mrad", id=0) == NOTHING
+    assert hand.reply("streamer", text="the load swings 0.1 mrad", id=0) == NO_STEP
     event = hand.operator.events[-1]
     assert (event.level, event.text) == ("info", "streamer: the load swings 0.1 mrad")
     assert hand.operator.stage is Stage.RUNNING
@@ -362,7 +362,7 @@ def test_news_without_an_exit_code_are_noted_and_nothing_else() -> None:
 def test_news_of_a_fault_that_came_too_late_are_noted_all_the_same() -> None:
     hand = Hand().until(Stage.RUNNING)
     hand.operator.end("gate", 5, 0)
-    assert hand.reply("controller", ok=False, text="no reference", exit=5, id=0) == NOTHING
+    assert hand.reply("controller", ok=False, text="no reference", exit=5, id=0) == NO_STEP
     assert hand.operator.events[-1].text == "controller: no reference"
 
 
@@ -386,7 +386,7 @@ def test_a_message_that_is_no_reply_is_ignored() -> None:
         actual_velocity_m_s=place,
         phase=Phase.FAULT,
     )
-    assert Hand().operator.on_message("robot_state", state, 0) == NOTHING
+    assert Hand().operator.on_message("robot_state", state, 0) == NO_STEP
 
 
 def test_a_rig_without_vision_runs_too() -> None:
@@ -397,4 +397,4 @@ def test_a_rig_without_vision_runs_too() -> None:
     for _ in range(3):
         hand.all_reply(tasks)
     assert hand.operator.stage is Stage.RUNNING
-    assert hand.operator.stop(0) == NOTHING
+    assert hand.operator.stop(0) == NO_STEP

@@ -10,23 +10,23 @@ from comms.messages import (
     AngleSample,
     Command,
     Frame,
+    InvalidReason,
     JointState,
     Phase,
-    Reason,
     Reference,
     RobotState,
     Setpoint,
     Truth,
     Verb,
 )
-from rig.analysis.analyze import Analysis
+from rig.analysis.analyze import RunAnalysis
 from rig.run import config, experiment
 from rig.run.config import Experiment
 from rig.run.job import plan_move, prepare
 from rig.run.recorder import Recorder
 from rig.run.runs import LOG
 from rig.run.runtime import bench
-from rig.run.tasks.controller.task import Controller, ControllerSettings
+from rig.run.tasks.controller.task import ControllerSettings, ControllerTask
 from rig.run.tasks.streamer import Streamer
 from vision.task import VisionTask
 
@@ -121,7 +121,7 @@ def seen(seq, t_ns, angle_rad=0.0):
         angle_rad=angle_rad,
         sigma_rad=1e-5,
         valid=True,
-        reason=Reason.NONE,
+        reason=InvalidReason.NONE,
         raw_rad=angle_rad,
         offset_rad=0.0,
         platform_m=0.0,
@@ -137,7 +137,7 @@ def seen(seq, t_ns, angle_rad=0.0):
 
 
 def test_the_controller_turns_a_reference_into_six_even_setpoints():
-    controller = Controller(ControllerSettings(reference_stale_ns=300 * MS))
+    controller = ControllerTask(ControllerSettings(reference_stale_ns=300 * MS))
     controller.start(0)
     controller.on_message("joint_state", resting(0, 5 * MS, cls=JointState), 5 * MS)
     controller.on_message("command", order(Verb.ARM, "controller", 6 * MS), 6 * MS)
@@ -206,7 +206,7 @@ def test_what_the_recorder_writes_the_analysis_reads(tmp_path):
     recorder.message("command", order(Verb.START, "streamer", 5, 60 * MS), 5)
     recorder.message("angle", seen(0, 7, 0.01), 9)
     recorder.close({}, {"exit_status": "ok", "exit_code": "0"}, 10)
-    run = Analysis(tmp_path / LOG).run
+    run = RunAnalysis(tmp_path / LOG).run
     assert run.t_start_s == pytest.approx(0.06)
     assert run.angles == [seen(0, 7, 0.01)]
     assert (
@@ -221,7 +221,7 @@ def test_what_the_recorder_writes_the_analysis_reads(tmp_path):
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
     ran = experiment.run(loaded(), "virtual", tmp_path_factory.mktemp("runs"), quietly, quietly)
-    return Analysis(ran.folder / LOG)
+    return RunAnalysis(ran.folder / LOG)
 
 
 def quietly(*_):
@@ -265,7 +265,7 @@ def test_a_plan_that_believes_the_truth_leaves_the_load_nearly_still(tmp_path):
     ran = experiment.run(
         loaded("bench.pendulum.length_m=1.0"), "virtual", tmp_path, quietly, quietly
     )
-    assert Analysis(ran.folder / LOG).summary.truth.residual_swing_rad < 0.6e-3
+    assert RunAnalysis(ran.folder / LOG).summary.truth.residual_swing_rad < 0.6e-3
 
 
 def test_equal_seeds_give_equal_digests_and_other_seeds_others(tmp_path):
@@ -280,7 +280,7 @@ def test_equal_seeds_give_equal_digests_and_other_seeds_others(tmp_path):
 
 def test_a_free_decay_gives_frequency_and_damping_it_was_not_told(tmp_path):
     ran = experiment.run(config.load("free_decay", []), "virtual", tmp_path, quietly, quietly)
-    summary = Analysis(ran.folder / LOG).summary
+    summary = RunAnalysis(ran.folder / LOG).summary
     truth = math.sqrt(9.81 / 0.9624) / (2 * math.pi)
     assert summary.measured.natural_frequency_hz == pytest.approx(truth, rel=1e-5)
     assert summary.measured.damping_ratio == pytest.approx(0.000237, rel=0.01)
@@ -289,7 +289,7 @@ def test_a_free_decay_gives_frequency_and_damping_it_was_not_told(tmp_path):
 def test_dropouts_ride_through_holes_and_a_loss_free_twin_stands_beside_them(tmp_path):
     chosen = config.load("dropouts", SHORT)
     ran = experiment.run(chosen, "virtual", tmp_path, quietly, quietly)
-    lossy, twin = Analysis(ran.folder / LOG), Analysis(ran.twin / LOG)
+    lossy, twin = RunAnalysis(ran.folder / LOG), RunAnalysis(ran.twin / LOG)
     reference = lossy.summary.links["reference"]
     assert 0.05 < reference.lost / reference.sent < 0.4
     assert reference.lost == reference.lost_link

@@ -7,7 +7,7 @@ from itertools import product
 import pytest
 
 from comms.messages import Phase, Verb
-from rig.run.tasks.controller.phase import ORDERS, Happening, next_phase, refusal
+from rig.run.tasks.controller.phase import ORDERS, Trigger, next_phase, refusal
 
 TABLE = """
             arm      start    stop     estop  reference_stale  robot_stale
@@ -19,7 +19,7 @@ TABLE = """
 """
 HAPPENINGS, *ROWS = [line.split() for line in TABLE.strip().splitlines()]
 TRANSITIONS = [
-    (Phase(row[0]), Happening(happening), Phase(after))
+    (Phase(row[0]), Trigger(happening), Phase(after))
     for row in ROWS
     for happening, after in zip(HAPPENINGS, row[1:], strict=True)
 ]
@@ -27,34 +27,34 @@ TRANSITIONS = [
 
 def test_the_table_names_every_pair_of_phase_and_happening_once() -> None:
     pairs = [(phase, happening) for phase, happening, _ in TRANSITIONS]
-    assert sorted(pairs, key=str) == sorted(product(Phase, Happening), key=str)
+    assert sorted(pairs, key=str) == sorted(product(Phase, Trigger), key=str)
 
 
 @pytest.mark.parametrize(("phase", "happening", "after"), TRANSITIONS)
 def test_a_phase_is_followed_by_the_one_in_the_table(
-    phase: Phase, happening: Happening, after: Phase
+    phase: Phase, happening: Trigger, after: Phase
 ) -> None:
     assert next_phase(phase, happening) is after
 
 
 @pytest.mark.parametrize("phase", Phase)
 def test_an_emergency_stop_always_ends_in_fault(phase: Phase) -> None:
-    assert next_phase(phase, Happening.ESTOP) is Phase.FAULT
+    assert next_phase(phase, Trigger.ESTOP) is Phase.FAULT
 
 
-@pytest.mark.parametrize("happening", Happening)
-def test_nothing_leaves_fault(happening: Happening) -> None:
+@pytest.mark.parametrize("happening", Trigger)
+def test_nothing_leaves_fault(happening: Trigger) -> None:
     assert next_phase(Phase.FAULT, happening) is Phase.FAULT
 
 
-@pytest.mark.parametrize("happening", [h for h in Happening if h is not Happening.ESTOP])
-def test_only_an_emergency_stop_leaves_stopped(happening: Happening) -> None:
+@pytest.mark.parametrize("happening", [h for h in Trigger if h is not Trigger.ESTOP])
+def test_only_an_emergency_stop_leaves_stopped(happening: Trigger) -> None:
     assert next_phase(Phase.STOPPED, happening) is Phase.STOPPED
 
 
 def test_nothing_that_happens_after_a_stop_makes_the_robot_run_again() -> None:
-    for phase, later in product(Phase, product(Happening, repeat=3)):
-        now = next_phase(phase, Happening.STOP)
+    for phase, later in product(Phase, product(Trigger, repeat=3)):
+        now = next_phase(phase, Trigger.STOP)
         for happening in later:
             now = next_phase(now, happening)
         assert now in (Phase.STOPPED, Phase.FAULT)
@@ -79,4 +79,4 @@ def test_a_refusal_names_order_phase_and_bound() -> None:
 @pytest.mark.parametrize("verb", [Verb.STOP, Verb.ESTOP])
 def test_a_stop_is_taken_in_every_phase(verb: Verb) -> None:
     assert all(refusal(phase, verb) is None for phase in Phase)
-    assert ORDERS[verb] in (Happening.STOP, Happening.ESTOP)
+    assert ORDERS[verb] in (Trigger.STOP, Trigger.ESTOP)

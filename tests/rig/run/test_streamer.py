@@ -12,16 +12,16 @@ import pytest
 from comms.messages import (
     AngleSample,
     Command,
+    InvalidReason,
     Message,
     Phase,
     Position,
-    Reason,
     Reference,
     Reply,
     RobotState,
     Verb,
 )
-from comms.task import NOTHING, Step
+from comms.task import NO_STEP, Step
 from rig.run.tasks.safety import Envelope
 from rig.run.tasks.streamer import PERIOD_NS, Streamer, StreamerSettings, build
 
@@ -70,7 +70,9 @@ def robot_at(x_m: float, t_ns: int = 0) -> RobotState:
     )
 
 
-def angle(t_ns: int, angle_rad: float | None, reason: Reason = Reason.NONE) -> AngleSample:
+def angle(
+    t_ns: int, angle_rad: float | None, reason: InvalidReason = InvalidReason.NONE
+) -> AngleSample:
     """What the camera saw, 35 ms ago."""
     nothing: dict[str, Any] = dict.fromkeys(
         ("sigma_rad", "raw_rad", "offset_rad", "platform_m", "residual_px", "pivot_miss_px")
@@ -187,10 +189,10 @@ def test_after_the_plan_the_last_position_is_repeated() -> None:
 
 def test_start_asks_to_be_woken_at_t_start_and_nothing_leaves_before() -> None:
     streamer = Streamer(SETTINGS)
-    assert streamer.start(0) == NOTHING
+    assert streamer.start(0) == NO_STEP
     tell(streamer, robot_at(0.0), 0)
     assert tell(streamer, order(Verb.ARM), 0).wake_ns is None
-    assert streamer.on_tick(5 * MS) == NOTHING
+    assert streamer.on_tick(5 * MS) == NO_STEP
     step = tell(streamer, order(Verb.START), 10 * MS)
     assert step.wake_ns == T_START_NS
     assert references(step) == []
@@ -208,7 +210,7 @@ def start_with(
     (reply,) = replies(step)
     assert (step.wake_ns is None) == (not reply.ok), "a refused start asks for no wake"
     if not reply.ok:
-        assert streamer.on_tick(T_START_NS) == NOTHING
+        assert streamer.on_tick(T_START_NS) == NO_STEP
     return reply
 
 
@@ -346,8 +348,8 @@ def test_a_stop_before_t_start_keeps_every_reference_back(verb: Verb) -> None:
 def test_the_last_call_ends_the_references() -> None:
     streamer = started()
     play(streamer, range(5))
-    assert streamer.stop(T_START_NS + 45 * MS) == NOTHING
-    assert play(streamer, range(5, 10)) == [NOTHING] * 5
+    assert streamer.stop(T_START_NS + 45 * MS) == NO_STEP
+    assert play(streamer, range(5, 10)) == [NO_STEP] * 5
 
 
 def test_status_is_answered_in_any_phase_and_replies_are_counted() -> None:
@@ -496,7 +498,7 @@ def test_pictures_without_a_cable_do_not_count_and_their_reason_is_told() -> Non
     for k in range(40):
         tell(
             streamer,
-            angle(T_START_NS + k * PERIOD_NS, None, Reason.NO_CABLE),
+            angle(T_START_NS + k * PERIOD_NS, None, InvalidReason.NO_CABLE),
             T_START_NS + k * PERIOD_NS,
         )
         news += replies(play(streamer, range(k, k + 1))[0])
@@ -508,7 +510,7 @@ def test_an_angle_marked_invalid_does_not_count_even_with_a_value() -> None:
     streamer, news = started(WATCHED), []
     for k in range(40):
         sample = msgspec.structs.replace(
-            angle(T_START_NS + k * PERIOD_NS, 0.0), valid=False, reason=Reason.POOR_FIT
+            angle(T_START_NS + k * PERIOD_NS, 0.0), valid=False, reason=InvalidReason.POOR_FIT
         )
         tell(streamer, sample, T_START_NS + k * PERIOD_NS)
         news += replies(play(streamer, range(k, k + 1))[0])

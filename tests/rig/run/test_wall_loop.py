@@ -10,7 +10,7 @@ import msgspec
 import pytest
 
 from comms.udp import UdpReceiver, free_port
-from rig.analysis.analyze import Analysis
+from rig.analysis.analyze import RunAnalysis
 from rig.errors import Refused
 from rig.run import config, experiment
 from rig.run.runs import LOG
@@ -37,7 +37,7 @@ def quietly(*_):
 
 def test_the_loop_over_sockets_ends_well_and_every_link_balances(tmp_path):
     ran = experiment.run(config.load("move", BRIEF), "wall", tmp_path, quietly, quietly)
-    summary = Analysis(ran.folder / LOG).summary
+    summary = RunAnalysis(ran.folder / LOG).summary
     assert (ran.outcome.exit_code, ran.outcome.reasons) == (0, [])
     assert {name: row.unexplained for name, row in summary.links.items()} == dict.fromkeys(
         summary.links, 0
@@ -53,7 +53,7 @@ def test_wall_and_virtual_lose_the_very_same_references(tmp_path):
     for mode in ("wall", "virtual"):
         ran = experiment.run(config.load("move", changes), mode, tmp_path, quietly, quietly)
         assert (ran.outcome.exit_code, ran.outcome.reasons) == (0, [])
-        run = Analysis(ran.folder / LOG).run
+        run = RunAnalysis(ran.folder / LOG).run
         arrived = run.receipts("reference")
         lost.append({r.seq for r in run.references() if r.seq not in arrived and r.seq < 300})
     assert lost[0] == lost[1]
@@ -71,7 +71,7 @@ def test_a_stop_before_the_tasks_have_come_is_a_stop_and_no_fault(tmp_path, monk
     monkeypatch.setattr(execute, "Interrupts", Impatient)
     ran = experiment.run(config.load("move", BRIEF), "wall", tmp_path, quietly, quietly)
     assert (ran.outcome.exit_code, ran.outcome.reasons) == (4, ["stopped by the operator (Ctrl-C)"])
-    assert Analysis(ran.folder / LOG).run.log.complete
+    assert RunAnalysis(ran.folder / LOG).run.log.complete
 
 
 def start_a_run(folder: Path) -> subprocess.Popen:
@@ -126,7 +126,7 @@ def test_ctrl_c_stops_the_robot_first_and_keeps_the_log(tmp_path):
     code, said = ended(run)
     assert (code, said["exit_status"], said["exit_code"]) == (4, "stopped", 4)
     assert "Ctrl-C" in said["reasons"][0]
-    log = Analysis(Path(said["run_dir"]) / LOG)
+    log = RunAnalysis(Path(said["run_dir"]) / LOG)
     assert log.run.log.complete
     orders = [entry.data for entry in log.run.log.topics["/command"]]
     stop, close = (
@@ -155,7 +155,7 @@ def test_a_task_that_dies_ends_the_run_as_a_fault_that_names_it_and_what_was_rec
     code, said = ended(run)
     assert (code, said["exit_status"]) == (5, "fault")
     assert "task 'vision' died (signal 9)" in said["reasons"][0]
-    assert Analysis(Path(said["run_dir"]) / LOG).run.angles
+    assert RunAnalysis(Path(said["run_dir"]) / LOG).run.angles
 
 
 def child_of(run: subprocess.Popen, module: str) -> int:
@@ -177,7 +177,7 @@ def test_a_run_killed_outright_leaves_a_log_that_can_be_read_and_no_task_behind(
     run.kill()
     run.communicate()
     (log,) = tmp_path.glob(f"*/{LOG}")
-    analysis = Analysis(log)
+    analysis = RunAnalysis(log)
     assert not analysis.run.log.complete
     assert analysis.summary.exit_code == 6
     assert any("incomplete" in reason for reason in analysis.summary.reasons)

@@ -29,7 +29,7 @@ from rig.studies.thesis_tables.exact import exact_metrics
 from rig.studies.thesis_tables.nodes import shaped_nodes, shooting_nodes
 from rig.studies.thesis_tables.ode45 import ode45
 from rig.studies.thesis_tables.published import TABLES, rows
-from rig.studies.thesis_tables.source_metrics import SAMPLE_S, InputNodes, measure, respond
+from rig.studies.thesis_tables.source_metrics import SOURCE_SAMPLE_S, InputNodes, measure, respond
 from rig.studies.thesis_tables.table import PENDULUM, TWO_BARS, compare, planning_time, problem_of
 from rig.ui.cli.compare import compare as verb
 
@@ -256,7 +256,7 @@ def test_a_false_row_asks_for_more_acceleration_than_the_optimum(row):
 def test_a_free_cart_follows_any_broken_line_exactly(gaps, values):
     t = np.append(0.0, np.cumsum(gaps))
     u = np.array(values[: len(t)])
-    end = round(t[-1] / SAMPLE_S) * SAMPLE_S + 0.02
+    end = round(t[-1] / SOURCE_SAMPLE_S) * SOURCE_SAMPLE_S + 0.02
     line = PPoly(
         np.array([[*(np.diff(u) / np.diff(t)), 0.0], [*u[:-1], 0.0]]), np.append(t, end + 1.0)
     )
@@ -267,7 +267,7 @@ def test_a_free_cart_follows_any_broken_line_exactly(gaps, values):
         np.array([[0.0], [1.0]]),
     )
     x = respond(plant, InputNodes(t, u), end)
-    at = SAMPLE_S * np.arange(len(x))
+    at = SOURCE_SAMPLE_S * np.arange(len(x))
     np.testing.assert_allclose(x[:, 1], line.antiderivative()(at), atol=1e-14)
     np.testing.assert_allclose(x[:, 0], line.antiderivative(2)(at), atol=1e-14)
 
@@ -295,10 +295,11 @@ def test_the_response_agrees_with_an_integrator(plant):
             rates, (begin, end), state, "DOP853", rtol=1e-12, atol=1e-15, dense_output=True
         )
         inside = np.flatnonzero(
-            (SAMPLE_S * np.arange(len(x)) > at) & (SAMPLE_S * np.arange(len(x)) <= end)
+            (SOURCE_SAMPLE_S * np.arange(len(x)) > at)
+            & (SOURCE_SAMPLE_S * np.arange(len(x)) <= end)
         )
         np.testing.assert_allclose(
-            x[inside], out.sol(SAMPLE_S * inside).T, atol=1e-10 * np.abs(x).max()
+            x[inside], out.sol(SOURCE_SAMPLE_S * inside).T, atol=1e-10 * np.abs(x).max()
         )
         state, at = out.y[:, -1], end
 
@@ -532,7 +533,7 @@ def test_the_jerk_figures_are_those_of_201_nodes(case):
         if c.row.input == "jerk" and (c.row.robust, c.row.time_s) == (robust, time_s)
     ).ours
     ours = [found[column] for column in found if "_res_" not in column]
-    samples = time_s / SAMPLE_S
+    samples = time_s / SOURCE_SAMPLE_S
     ours[3] *= math.sqrt((2 * samples + 1) / samples)
     assert ours == pytest.approx(figures, rel=1e-5)
 

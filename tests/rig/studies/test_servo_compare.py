@@ -18,11 +18,11 @@ from rig.drives.motor import Drivetrain, effort
 from rig.drives.servo.errors import PolesOutOfReach, ServoError
 from rig.drives.servo.estimator import Noise, sampled_kalman
 from rig.drives.servo.loops import swinging
-from rig.drives.servo.setpoint import Setpoint
+from rig.drives.servo.setpoint import MotorSetpoint
 from rig.drives.servo.state_feedback import lq
 from rig.errors import ConfigError
 from rig.studies.servo import move_on_bench
-from rig.studies.servo.compare import Row, built, designs
+from rig.studies.servo.compare import ControllerRun, built, designs
 from rig.studies.servo.compare import compare as runs
 from rig.studies.servo.controllers import CONTROLLERS
 from rig.studies.servo.spec import load
@@ -39,7 +39,7 @@ def compare(spec, truths, names):
 
 
 @pytest.fixture(scope="module")
-def rows() -> dict[tuple[str, int, str], Row]:
+def rows() -> dict[tuple[str, int, str], ControllerRun]:
     return {
         (row.truth, row.move, row.controller): row
         for row in compare(SPEC, TRUTHS, list(CONTROLLERS))
@@ -146,7 +146,7 @@ def test_a_controller_steps_as_the_linear_system_that_its_loop_is_judged_by(name
     controller, random = CONTROLLERS[name](spec).controller, np.random.default_rng(1)
     told = random.normal(size=(4, 200)).cumsum(axis=1)
     right = np.asarray(control.forced_response(controller.system, inputs=told).outputs).ravel()
-    found = [controller.step(Setpoint(*row[:3]), row[3]) for row in told.T.tolist()]
+    found = [controller.step(MotorSetpoint(*row[:3]), row[3]) for row in told.T.tolist()]
     assert found == pytest.approx(right, abs=1e-9 * float(np.abs(right).max()))
 
 
@@ -221,7 +221,7 @@ def test_a_figure_is_what_its_definition_says():
         integration_error_rad=0.0,
     )
     found = move_on_bench.outcome(recording)
-    assert found == move_on_bench.Outcome(
+    assert found == move_on_bench.MoveMetrics(
         residual=0.25,
         residual_measured=0.2,
         settled_s=0.25,

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from rig.drives.motor import Motor
-from rig.drives.screw.axis import Axis
+from rig.drives.screw.axis import AxisSpec
 from rig.drives.screw.balls import Balls
 from rig.drives.screw.cycle import Cycle, Move
 from rig.drives.screw.load import AxisLoad
@@ -23,7 +23,7 @@ from rig.drives.screw.transmission import Transmission
 from rig.drives.screw.wishes import Shares, Wishes
 from rig.run.toml_file import read_toml
 from rig.studies.sizing.axis_file import example_tables, sizing_of
-from rig.studies.sizing.published import Comparison
+from rig.studies.sizing.published import FigureComparison
 
 SPEC = """
 [axis]
@@ -134,7 +134,7 @@ def test_printed_and_right_figures_stand_side_by_side_and_every_difference_has_i
     ],
 )
 def test_a_figure_differs_when_the_right_one_does_not_round_to_its_digits(printed, right, differs):
-    assert Comparison("x", printed, right, "").differs == differs
+    assert FigureComparison("x", printed, right, "").differs == differs
 
 
 def test_the_catalogue_says_of_each_screw_what_it_breaks_and_where_its_figures_come_from(told, rig):
@@ -366,7 +366,7 @@ stroke_m = -0.2
 time_s = 0.5
 law = "cubic"
 """)
-    expected = Axis(
+    expected = AxisSpec(
         mounting=Mounting(
             length_m=1.25,
             support=SUPPORTS["supported-supported"]._replace(whirl=9.8, buckling=0.9),

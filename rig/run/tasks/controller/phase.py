@@ -7,7 +7,7 @@ import enum
 from comms.messages import Phase, Verb
 
 
-class Happening(enum.Enum):
+class Trigger(enum.Enum):
     """What can change the phase."""
 
     ARM = "arm"
@@ -19,34 +19,34 @@ class Happening(enum.Enum):
 
 
 ORDERS = {
-    Verb.ARM: Happening.ARM,
-    Verb.START: Happening.START,
-    Verb.STOP: Happening.STOP,
-    Verb.ESTOP: Happening.ESTOP,
+    Verb.ARM: Trigger.ARM,
+    Verb.START: Trigger.START,
+    Verb.STOP: Trigger.STOP,
+    Verb.ESTOP: Trigger.ESTOP,
 }
 _TAKEN_IN = {
     Verb.ARM: (Phase.IDLE, Phase.ARMED),
     Verb.START: (Phase.ARMED,),
 }  # a stop is taken anywhere
-_NEXT: dict[tuple[Phase, Happening], Phase] = {
-    (Phase.IDLE, Happening.ARM): Phase.ARMED,
+_NEXT: dict[tuple[Phase, Trigger], Phase] = {
+    (Phase.IDLE, Trigger.ARM): Phase.ARMED,
     (
         Phase.IDLE,
-        Happening.STOP,
+        Trigger.STOP,
     ): Phase.STOPPED,  # an order to arm that comes after the stop is refused
-    (Phase.ARMED, Happening.ARM): Phase.ARMED,
-    (Phase.ARMED, Happening.START): Phase.RUNNING,
-    (Phase.ARMED, Happening.STOP): Phase.STOPPED,
-    (Phase.RUNNING, Happening.STOP): Phase.STOPPED,
-    (Phase.RUNNING, Happening.REFERENCE_STALE): Phase.STOPPED,
-    (Phase.ARMED, Happening.ROBOT_STALE): Phase.FAULT,
-    (Phase.RUNNING, Happening.ROBOT_STALE): Phase.FAULT,
+    (Phase.ARMED, Trigger.ARM): Phase.ARMED,
+    (Phase.ARMED, Trigger.START): Phase.RUNNING,
+    (Phase.ARMED, Trigger.STOP): Phase.STOPPED,
+    (Phase.RUNNING, Trigger.STOP): Phase.STOPPED,
+    (Phase.RUNNING, Trigger.REFERENCE_STALE): Phase.STOPPED,
+    (Phase.ARMED, Trigger.ROBOT_STALE): Phase.FAULT,
+    (Phase.RUNNING, Trigger.ROBOT_STALE): Phase.FAULT,
 }
 
 
-def next_phase(phase: Phase, happening: Happening) -> Phase:
+def next_phase(phase: Phase, happening: Trigger) -> Phase:
     """The phase after a happening. An emergency stop always ends in FAULT, which nothing leaves but a new run."""
-    if happening is Happening.ESTOP:
+    if happening is Trigger.ESTOP:
         return Phase.FAULT
     return _NEXT.get((phase, happening), phase)
 

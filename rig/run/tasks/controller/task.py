@@ -7,11 +7,11 @@ import msgspec
 from comms.channels import MS
 from comms.messages import Command, JointState, Message, Phase, Position, Reference, Setpoint, Verb
 from comms.replies import Replies
-from comms.task import NOTHING, Send, Step
+from comms.task import NO_STEP, Send, Step
 from rig.errors import FAULT
 from rig.run.tasks.controller.communication import Communication
 from rig.run.tasks.controller.interpolator import TICK_NS, Interpolator
-from rig.run.tasks.controller.phase import ORDERS, Happening, next_phase, refusal
+from rig.run.tasks.controller.phase import ORDERS, Trigger, next_phase, refusal
 
 STATE_EVERY = 2  # ticks: setpoints at 200 Hz, state at 100 Hz
 
@@ -23,7 +23,7 @@ class ControllerSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
     robot_stale_ns: int = 100 * MS
 
 
-class Controller:
+class ControllerTask:
     """Sans-IO task `controller`. Outside RUNNING the setpoint stays where it is."""
 
     name = "controller"
@@ -53,7 +53,7 @@ class Controller:
             self._io.take_joints(message, t_ns)
         elif isinstance(message, Command):
             return self._obey(message, t_ns)
-        return NOTHING
+        return NO_STEP
 
     def on_tick(self, t_ns: int) -> Step:
         """The setpoint of the newest grid instant that is due, and the state at every other one."""
@@ -68,8 +68,8 @@ class Controller:
 
     def stop(self, t_ns: int) -> Step:
         """The last setpoint stays with the servos."""
-        self._phase = next_phase(self._phase, Happening.STOP)
-        return NOTHING
+        self._phase = next_phase(self._phase, Trigger.STOP)
+        return NO_STEP
 
     def _set(self, grid_ns: int, t_ns: int) -> tuple[Send, ...]:
         if self._setpoint is None:
@@ -89,17 +89,17 @@ class Controller:
         if silent_ns > self._robot_stale_ns:
             bound = f"must be <= {self._robot_stale_ns / MS:.0f} ms (safety.robot_stale_ms)"
             text = f"no joint state for {silent_ns / MS:.0f} ms; {bound}: is the bench running?"
-            return self._happen(Happening.ROBOT_STALE, text, t_ns)
+            return self._happen(Trigger.ROBOT_STALE, text, t_ns)
         silent_ns = t_ns - max(self._io.reference_ns, self._t_start_ns)
         if self._phase is Phase.RUNNING and silent_ns > self._stale_ns:
             text = (
                 f"no reference for {silent_ns / MS:.0f} ms; must be <= {self._stale_ns / MS:.0f} ms "
                 "(safety.reference_stale_ms): the robot stays where it is"
             )
-            return self._happen(Happening.REFERENCE_STALE, text, t_ns)
+            return self._happen(Trigger.REFERENCE_STALE, text, t_ns)
         return ()
 
-    def _happen(self, happening: Happening, text: str, t_ns: int) -> tuple[Send, ...]:
+    def _happen(self, happening: Trigger, text: str, t_ns: int) -> tuple[Send, ...]:
         self._phase = next_phase(self._phase, happening)
         return (self._replies.give_up(self._phase, t_ns, text, FAULT),)
 
@@ -128,6 +128,6 @@ class Controller:
         return self._io.joints.position_m if self._io.joints else (0.0, 0.0, 0.0)
 
 
-def build(settings: bytes) -> Controller:
+def build(settings: bytes) -> ControllerTask:
     """The task from its settings in JSON."""
-    return Controller(msgspec.json.decode(settings, type=ControllerSettings))
+    return ControllerTask(msgspec.json.decode(settings, type=ControllerSettings))
