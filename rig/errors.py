@@ -23,6 +23,10 @@ class ConfigError(RigError):
     """An experiment file, key or value that cannot be used."""
 
 
+class RenamedKey(UserWarning):
+    """An old name of a key in a file; it still works, and the command line prints a note that names the new one."""
+
+
 class Refused(RigError):
     """A preflight check said no; nothing has moved."""
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import difflib
 import re
 import tomllib
+import warnings
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_type_hints
 
 import msgspec
 
-from rig.errors import ConfigError
+from rig.errors import ConfigError, RenamedKey
 
 T = TypeVar("T")
 
@@ -25,6 +26,24 @@ def convert(data: Any, kind: type[T], section: str = "") -> T:
         return msgspec.convert(data, kind)
     except msgspec.ValidationError as error:
         raise ConfigError(_explain(str(error), data, kind, section)) from None
+
+
+def rename_keys(tables: dict[str, Any], new_names: dict[str, str]) -> None:
+    """Move the tables of old names to their new names, with a RenamedKey warning for each.
+
+    Raises ConfigError for a file that has a table under both names.
+    """
+    for old, new in new_names.items():
+        if old not in tables:
+            continue
+        if new in tables:
+            raise ConfigError(
+                f"[{old}] and [{new}] are the same table; must stand once: keep [{new}]"
+            )
+        tables[new] = tables.pop(old)
+        warnings.warn(
+            f"[{old}] is now called [{new}]; rename it in the file", RenamedKey, stacklevel=2
+        )
 
 
 def nearest(word: str, known: Any) -> str:

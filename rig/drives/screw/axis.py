@@ -15,9 +15,9 @@ from rig.drives.screw.cycle import Cycle
 from rig.drives.screw.demand import Demand, demand, equivalent_load_n
 from rig.drives.screw.load import AxisLoad
 from rig.drives.screw.preload import drag_torque_n_m
+from rig.drives.screw.requirements import Shares, Wishes
 from rig.drives.screw.shaft import BallScrew, Mounting
 from rig.drives.screw.transmission import Transmission
-from rig.drives.screw.wishes import Shares, Wishes
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,9 +16,9 @@ import numpy as np
 
 from planners.trajectories.pieces import ComplexArray, FloatArray
 from rig.drives.servo.block import check_period
+from rig.drives.servo.controllability import check_observable, own_units
 from rig.drives.servo.errors import ServoError, check_range
 from rig.drives.servo.loops import continuous
-from rig.drives.servo.reachability import check_observable, own_units
 from rig.drives.servo.riccati import doubled, least_cost
 from rig.drives.servo.state_feedback import (
     SETTLING,

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from planners.trajectories.pieces import FloatArray
+from rig.drives.servo.controllability import Units
 from rig.drives.servo.errors import ServoError
-from rig.drives.servo.reachability import Units
 
 DOUBLINGS = 50  # of a horizon that starts with one step: it outlasts every pole that is told from 1
 SHIFTS = (

@@ -17,9 +17,9 @@ import numpy as np
 
 from planners.trajectories.pieces import ComplexArray, FloatArray
 from rig.drives.servo.block import check_period
+from rig.drives.servo.controllability import Units, check_controllable, own_units
 from rig.drives.servo.errors import PolesOutOfReach, ServoError, check_below_nyquist, check_range
 from rig.drives.servo.loops import LoopAnalysis, analyse_loop
-from rig.drives.servo.reachability import Units, check_controllable, own_units
 from rig.drives.servo.riccati import least_cost
 from rig.drives.servo.two_mass import TwoMass
 

@@ -19,10 +19,10 @@ from rig.drives.screw.balls import Balls
 from rig.drives.screw.candidate import CatalogueEntry
 from rig.drives.screw.cycle import Cycle, Move
 from rig.drives.screw.load import AxisLoad
+from rig.drives.screw.requirements import Shares, Wishes
 from rig.drives.screw.shaft import Mounting
 from rig.drives.screw.supports import SUPPORTS
 from rig.drives.screw.transmission import Transmission
-from rig.drives.screw.wishes import Shares, Wishes
 from rig.errors import ConfigError
 from rig.run.toml_file import Section, convert
 from rig.studies.sizing.motor_task import MotorSection

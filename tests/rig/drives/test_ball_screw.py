@@ -33,11 +33,11 @@ from rig.drives.screw.limits import (
     least_lead_by_whirl_m,
 )
 from rig.drives.screw.load import AxisLoad
+from rig.drives.screw.requirements import Shares, Wishes
 from rig.drives.screw.shaft import BallScrew, Mounting
 from rig.drives.screw.supports import SUPPORTS
 from rig.drives.screw.table import table
 from rig.drives.screw.transmission import Transmission
-from rig.drives.screw.wishes import Shares, Wishes
 
 DATA = tomllib.loads((Path(__file__).parents[2] / "data" / "ball_screw.toml").read_text())
 FREE, SIMPLE, MIXED, FIXED = (

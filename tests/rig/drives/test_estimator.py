@@ -20,6 +20,7 @@ from scipy.linalg import (
     solve_discrete_lyapunov,
 )
 
+from rig.drives.servo.controllability import own_units
 from rig.drives.servo.errors import BeyondNyquist, NotObservable, PolesOutOfReach, ServoError
 from rig.drives.servo.estimator import (
     ENCODER,
@@ -30,7 +31,6 @@ from rig.drives.servo.estimator import (
     kalman,
     sampled_kalman,
 )
-from rig.drives.servo.reachability import own_units
 from rig.drives.servo.two_mass import TwoMass
 
 DATA = tomllib.loads((Path(__file__).parents[2] / "data" / "servo_state_space.toml").read_text())

@@ -21,11 +21,11 @@ from rig.drives.screw.cycle import Cycle, Move
 from rig.drives.screw.lead_classes import LEAD_CLASSES, TABULATED, lead_class, travel_deviation_m
 from rig.drives.screw.load import AxisLoad
 from rig.drives.screw.region import region
+from rig.drives.screw.requirements import Shares, Wishes
 from rig.drives.screw.shaft import Mounting
 from rig.drives.screw.supports import SUPPORTS
 from rig.drives.screw.transmission import Transmission
 from rig.drives.screw.verdict import NOT_ASKED, UNDECIDED, LimitCheck
-from rig.drives.screw.wishes import Shares, Wishes
 from rig.studies.sizing.axis_file import example_tables, sizing_of
 
 SIZING = sizing_of(example_tables("appendix"))

@@ -21,10 +21,10 @@ from rig.drives.screw.checks import assess
 from rig.drives.screw.cycle import Cycle, Move
 from rig.drives.screw.load import AxisLoad
 from rig.drives.screw.remedies import LEADS
+from rig.drives.screw.requirements import Wishes
 from rig.drives.screw.shaft import Mounting
 from rig.drives.screw.supports import SUPPORTS
 from rig.drives.screw.transmission import Transmission
-from rig.drives.screw.wishes import Wishes
 from rig.studies.sizing.axis_file import example_tables, sizing_of
 
 THERE = Move(stroke_m=0.5, time_s=0.5, law="quintic", rest_s=0.2)

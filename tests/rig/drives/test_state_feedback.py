@@ -15,6 +15,11 @@ from scipy.linalg import expm, solve_continuous_are, solve_continuous_lyapunov
 from scipy.signal import place_poles
 
 from rig.drives.servo import riccati
+from rig.drives.servo.controllability import (
+    check_controllable,
+    check_observable,
+    mode_controllability,
+)
 from rig.drives.servo.errors import (
     BeyondNyquist,
     NotControllable,
@@ -22,7 +27,6 @@ from rig.drives.servo.errors import (
     PolesOutOfReach,
     ServoError,
 )
-from rig.drives.servo.reachability import check_controllable, check_observable, mode_controllability
 from rig.drives.servo.state_feedback import (
     Feedback,
     assign,

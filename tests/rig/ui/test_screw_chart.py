@@ -10,8 +10,8 @@ import pytest
 from matplotlib.collections import PolyCollection
 
 from rig.drives.screw.checks import assess
+from rig.drives.screw.requirements import Wishes
 from rig.drives.screw.shaft import Mounting
-from rig.drives.screw.wishes import Wishes
 from rig.studies.sizing.axis_file import example_tables, sizing_of
 from rig.ui.plots.screw_chart import TOLD, draw_region
 

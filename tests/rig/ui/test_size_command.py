@@ -17,10 +17,10 @@ from rig.drives.screw.balls import Balls
 from rig.drives.screw.cycle import Cycle, Move
 from rig.drives.screw.load import AxisLoad
 from rig.drives.screw.region import region
+from rig.drives.screw.requirements import Shares, Wishes
 from rig.drives.screw.shaft import Mounting
 from rig.drives.screw.supports import SUPPORTS
 from rig.drives.screw.transmission import Transmission
-from rig.drives.screw.wishes import Shares, Wishes
 from rig.run.toml_file import read_toml
 from rig.studies.sizing.axis_file import example_tables, sizing_of
 from rig.studies.sizing.published import FigureComparison
