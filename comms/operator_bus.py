@@ -236,15 +236,3 @@ def _bind(socket: zmq.Socket[bytes], host: str, port: int) -> str:
             "stop what uses it, or set network.base_port to another range (0 = free ports)"
         ) from error
     return bytes(socket.getsockopt(zmq.LAST_ENDPOINT)).rstrip(b"\0").decode()
-
-
-def ask(address: str, request: str, timeout_ms: int) -> str | None:
-    """Ask a running operator from another process; None when nobody answers in time."""
-    with zmq.Context() as context:
-        socket = context.socket(zmq.REQ)
-        socket.setsockopt(zmq.LINGER, 0)
-        socket.connect(address)
-        socket.send(request.encode())
-        answer = socket.recv().decode() if socket.poll(timeout_ms) else None
-        socket.close(0)
-        return answer

@@ -11,7 +11,8 @@ import zmq
 from comms.errors import PortInUse
 from comms.link import LinkCount
 from comms.messages import Command, Phase, Reply, Verb
-from comms.operator_bus import Context, Hello, OperatorBus, Record, TaskBus, Telemetry, ask
+from comms.operator_bus import Context, Hello, OperatorBus, Record, TaskBus, Telemetry
+from comms.operator_request import ask
 from comms.records import Event, LinkRow, Receipts, TaskTiming
 from comms.udp import free_port, port_is_free
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import platform
-import subprocess
 from collections.abc import Callable
 from contextlib import suppress
 from importlib.metadata import version
@@ -18,6 +17,7 @@ from comms.task import Task
 from rig.errors import EXIT_STATUS, FAULT, REFUSED, RigError, RunFailed
 from rig.run import runs
 from rig.run.job import Job
+from rig.run.provenance import provenance
 from rig.run.recorder import Recorder
 from rig.run.runtime import bench
 from rig.run.runtime.interrupts import Interrupts
@@ -29,6 +29,7 @@ from rig.run.tasks.streamer import Streamer
 
 ClockMode = Literal["wall", "virtual"]
 Progress = Callable[[int, Operator], None]  # run clock [ns]; called often
+CODE = Path(__file__).resolve().parents[3]  # folder of the five packages
 PACKAGES = ("swayless", "numpy", "scipy", "opencv-python-headless", "pyzmq", "mcap", "msgspec")
 
 
@@ -137,7 +138,6 @@ def _wall(
 
 def _start(job: Job, mode: ClockMode, folder: Path) -> dict[str, str]:
     e = job.experiment.experiment
-    commit, dirty = _git()
     return {
         "run_id": folder.name,
         "experiment": e.name,
@@ -153,28 +153,5 @@ def _start(job: Job, mode: ClockMode, folder: Path) -> dict[str, str]:
         "system": platform.platform(),
         "python": platform.python_version(),
         "versions": " ".join(f"{name}={version(name)}" for name in PACKAGES),
-        "git_commit": commit,
-        "git_dirty": dirty,
+        **provenance(CODE),
     }
-
-
-def _git() -> tuple[str, str]:
-    """Commit and dirty flag of the checkout this code runs from, `unknown` outside one."""
-    where = Path(__file__).resolve().parents[3]
-    try:
-        ask = [
-            "git",
-            "-C",
-            str(where),
-            "describe",
-            "--always",
-            "--dirty",
-            "--abbrev=40",
-            "--exclude=*",
-        ]
-        said = subprocess.run(
-            ask, capture_output=True, text=True, timeout=5, check=True
-        ).stdout.strip()
-    except (OSError, subprocess.SubprocessError):
-        return "unknown", "unknown"
-    return said.removesuffix("-dirty"), str(said.endswith("-dirty")).lower()

@@ -1,10 +1,11 @@
-"""`rig`: the verbs, and the one place where an error becomes a message and an exit code."""
+"""`rig`: the program itself, and the one place where an error becomes a message and an exit code."""
 
 from __future__ import annotations
 
 import sys
+import warnings
 from importlib.metadata import version
-from typing import Annotated
+from typing import Annotated, TextIO
 
 import typer
 
@@ -12,47 +13,34 @@ from comms.errors import CommsError, LogError
 from planners.errors import PlanError
 from rig.analysis.identify.errors import AnalysisError
 from rig.drives.servo.errors import ServoError
-from rig.errors import BAD_DATA, EXIT_STATUS, REFUSED, USAGE, RigError
-from rig.ui.cli import (
-    analyze,
-    calibrate,
-    compare,
-    doctor,
-    laws,
-    motor_check,
-    plan,
-    run,
-    servo,
-    sim,
-    size,
-    spline,
-    stop,
-    track,
-)
-from rig.ui.cli.output import print_json
+from rig.errors import BAD_DATA, EXIT_STATUS, REFUSED, USAGE, RenamedKey, RigError
+from rig.ui.cli.verbs import RigGroup
 from vision.errors import VisionError
 
 KNOWN = (RigError, CommsError, PlanError, VisionError, AnalysisError, ServoError)
+MISPLACED = (FileNotFoundError, PermissionError, NotADirectoryError, IsADirectoryError)
 
 
-def _leave(code: int | None, show_version: bool) -> None:
+def _exit(code: int | None, show_version: bool) -> None:
     raise typer.Exit(code or 0)
 
 
 app = typer.Typer(
     name="rig",
-    result_callback=_leave,
+    cls=RigGroup,
+    result_callback=_exit,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
-    help="Plans moves that leave a suspended load without swing, runs them on a rig, and says from the log "
-    "what it really did.\n\n"
-    "Exit codes: 0 ok, 2 usage or file, 3 refused before motion, 4 stopped by the operator, 5 fault, 6 data not good.",
+    help="Plan moves that leave a suspended load without swing, run them on a rig, and report "
+    "from the log what the rig did.\n\n"
+    "Exit codes: 0 ok, 2 usage or file, 3 refused before motion, 4 stopped by the operator, "
+    "5 fault, 6 data not good.",
 )
 
 
-def _tell_version(asked: bool) -> None:
-    if asked:
+def _print_version(requested: bool) -> None:
+    if requested:
         print(f"rig of swayless {version('swayless')}")
         raise typer.Exit
 
@@ -62,55 +50,28 @@ def _options(
     show_version: Annotated[
         bool,
         typer.Option(
-            "--version", callback=_tell_version, is_eager=True, help="Print the version and leave."
+            "--version", callback=_print_version, is_eager=True, help="Print the version and exit."
         ),
     ] = False,
 ) -> None:
     """Options of the program itself."""
 
 
-app.command("doctor")(doctor.doctor)
-app.command("plan")(plan.plan)
-app.command("compare")(compare.compare)
-app.command("run")(run.run)
-app.command("stop")(stop.stop)
-app.command("sim")(sim.sim)
-app.command("track")(track.track)
-app.command("analyze")(analyze.analyze)
-app.command("spline")(spline.spline)
-app.command("motor-check")(motor_check.motor_check)
-app.command("size")(size.size)
-app.add_typer(laws.app, name="laws")
-app.add_typer(servo.app, name="servo")
-app.add_typer(calibrate.app, name="calibrate")
-
-
 def main() -> None:
     """Run the command line; ends in SystemExit."""
+    warnings.showwarning = _show_warning
     try:
         app()
     except SystemExit as leaving:
-        if (
-            leaving.code == USAGE and "--json" in sys.argv[1:]
-        ):  # the usage itself was told on stderr
-            print_json(
-                _refusal(
-                    "the command line cannot be understood; see standard error, or --help", USAGE
-                )
+        if leaving.code == USAGE and _wants_json():  # the usage error itself is on stderr
+            _print_refusal(
+                "the command line cannot be understood; see standard error, or --help", USAGE
             )
         raise
     except KNOWN as error:
         sys.exit(_fail(str(error), _exit_code(error)))
     except OSError as error:
-        code = (
-            USAGE
-            if isinstance(
-                error, FileNotFoundError | PermissionError | NotADirectoryError | IsADirectoryError
-            )
-            else REFUSED
-        )
-        hint = "name another place" if code == USAGE else "make room or name another place"
-        sys.exit(_fail(f"{error.filename or 'system'}: {error.strerror or error}; {hint}", code))
+        sys.exit(_fail(*_explain(error)))
 
 
 def _exit_code(error: Exception) -> int:
@@ -121,17 +82,43 @@ def _exit_code(error: Exception) -> int:
     return BAD_DATA if isinstance(error, LogError | VisionError | AnalysisError) else REFUSED
 
 
-def _refusal(message: str, code: int) -> dict[str, object]:
-    return {
-        "exit_status": EXIT_STATUS[code],
-        "exit_code": code,
-        "verdict": "bad",
-        "reasons": [message],
-    }
+def _explain(error: OSError) -> tuple[str, int]:
+    """Word an error of the system, with its exit code."""
+    what = f"{error.filename or 'system'}: {error.strerror or error}"
+    if isinstance(error, MISPLACED):
+        return f"{what}; name another place", USAGE
+    return f"{what}; make room or name another place", REFUSED
 
 
 def _fail(message: str, code: int) -> int:
-    if "--json" in sys.argv[1:]:
-        print_json(_refusal(message, code))
+    if _wants_json():
+        _print_refusal(message, code)
     print(f"rig: {message}", file=sys.stderr)
     return code
+
+
+def _wants_json() -> bool:
+    return "--json" in sys.argv[1:]
+
+
+def _print_refusal(message: str, code: int) -> None:
+    from rig.ui.cli.output import print_json
+
+    status = EXIT_STATUS[code]
+    print_json({"exit_status": status, "exit_code": code, "verdict": "bad", "reasons": [message]})
+
+
+def _show_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """Print a renamed key as a note; any other warning as Python does."""
+    if issubclass(category, RenamedKey):
+        print(f"rig: note: {message}", file=sys.stderr)
+        return
+    text = warnings.formatwarning(message, category, filename, lineno, line)
+    print(text, end="", file=file or sys.stderr)

@@ -1,16 +1,18 @@
-"""`rig servo`: drive controllers of an elastic joint, compared on paper and on the simulated bench."""
+"""`rig servo`: drive controllers of an elastic joint, in theory and on the simulated bench."""
 
 from __future__ import annotations
 
 import typer
 
-from rig.ui.cli import servo_compare, servo_notch, servo_observer, servo_shaping
+from rig.ui.cli.verbs import ServoGroup
 
 app = typer.Typer(
+    cls=ServoGroup,
     no_args_is_help=True,
-    help="Controllers of an elastic joint: on paper and on the simulated bench.",
+    help="Compare and tune drive controllers of an elastic joint, in theory and on the bench.",
 )
-app.command("compare")(servo_compare.compare)
-app.command("notch")(servo_notch.notch)
-app.command("observer")(servo_observer.observer)
-app.command("shaping")(servo_shaping.shaping)
+
+
+@app.callback()
+def _servo() -> None:
+    """Compare and tune drive controllers of an elastic joint, in theory and on the bench."""

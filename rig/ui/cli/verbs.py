@@ -1,0 +1,113 @@
+"""Table of the verbs, and the command group that imports a verb's module when the verb is called.
+
+`rig --help` and `rig stop` then load neither numpy nor any planner.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import import_module
+from typing import Any, NamedTuple
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+from typer.main import get_command, get_group
+
+
+class Verb(NamedTuple):
+    """A row of a verb table."""
+
+    target: str  # "module:name" of a function, or of a typer.Typer with commands of its own
+    help: str  # the line in the list of verbs
+
+
+VERBS = {
+    "doctor": Verb("rig.ui.cli.doctor:doctor", "Check that this machine can run experiments."),
+    "plan": Verb("rig.ui.cli.plan:plan", "Plan one move and show its demands and predicted swing."),
+    "compare": Verb("rig.ui.cli.compare:compare", "Compare published tables with our figures."),
+    "run": Verb(
+        "rig.ui.cli.run:run", "Run an experiment: plan, move, watch, log, analyse, report."
+    ),
+    "stop": Verb(
+        "rig.ui.cli.stop:stop", "Stop every running experiment: robot first, then the log."
+    ),
+    "sim": Verb("rig.ui.cli.sim:sim", "Write a synthetic video with its truth."),
+    "track": Verb("rig.ui.cli.track:track", "Measure the cable angle in a video file."),
+    "analyze": Verb("rig.ui.cli.analyze:analyze", "Analyse a recorded run."),
+    "laws": Verb("rig.ui.cli.laws:app", "List, compare and draw motion laws."),
+    "spline": Verb("rig.ui.cli.spline:spline", "Plan a motion through the points of a file."),
+    "motor-check": Verb(
+        "rig.ui.cli.motor_check:motor_check",
+        "Check peak torque, rms torque, speed and power of a motor.",
+    ),
+    "size": Verb(
+        "rig.ui.cli.size:size", "Size a ball-screw axis: every check with bound and margin."
+    ),
+    "servo": Verb(
+        "rig.ui.cli.servo:app", "Compare and tune drive controllers of an elastic joint."
+    ),
+    "calibrate": Verb("rig.ui.cli.calibrate:app", "Make the calibration files of the tracker."),
+}
+
+SERVO_VERBS = {
+    "compare": Verb("rig.ui.cli.servo_compare:compare", "Compare controllers on the same moves."),
+    "notch": Verb(
+        "rig.ui.cli.servo_notch:notch", "Tune a notch filter inside or before the speed loop."
+    ),
+    "observer": Verb(
+        "rig.ui.cli.servo_observer:observer",
+        "Find the stable time constants of a disturbance observer.",
+    ),
+    "shaping": Verb(
+        "rig.ui.cli.servo_shaping:shaping", "Compare input shapers on an elastic joint."
+    ),
+}
+
+
+class LazyGroup(TyperGroup):
+    """Command group whose commands are imported when they are called; subclasses name the table."""
+
+    verbs: Mapping[str, Verb] = {}
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """List the names of the verbs, in the order of the table."""
+        return list(self.verbs)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> TyperCommand | None:
+        """Make a stand-in that carries the help line of a verb, for lists of commands."""
+        verb = self.verbs.get(cmd_name)
+        return TyperCommand(name=cmd_name, help=verb.help) if verb else None
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Import the verb that the first argument names; a usage error for an unknown one."""
+        name, stand_in, rest = super().resolve_command(ctx, args)
+        if name is None or name not in self.verbs:  # click's own fallback, without a name
+            return name, stand_in, rest
+        return name, load(name, self.verbs[name]), rest
+
+
+class RigGroup(LazyGroup):
+    """Group of `rig`."""
+
+    verbs = VERBS
+
+
+class ServoGroup(LazyGroup):
+    """Group of `rig servo`."""
+
+    verbs = SERVO_VERBS
+
+
+def load(name: str, verb: Verb) -> Any:
+    """Import a verb and make its command."""
+    module, _, attribute = verb.target.partition(":")
+    found = getattr(import_module(module), attribute)
+    command = get_group(found) if isinstance(found, typer.Typer) else _command_of(found)
+    command.name = name
+    return command
+
+
+def _command_of(function: Any) -> Any:
+    app = typer.Typer(pretty_exceptions_enable=False, add_completion=False)
+    app.command()(function)
+    return get_command(app)
