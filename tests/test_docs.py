@@ -17,6 +17,8 @@ PAGES = (
     "docs/motions.md",
     "docs/drives.md",
     "docs/wire.md",
+    "docs/sources.md",
+    "docs/glossary.md",
 )
 
 
