@@ -1,9 +1,10 @@
-# make demo | test | check | setup: each sets up what it needs and is quick the second time.
+# make demo | test | check | bench | setup: each sets up what it needs and is quick the second time.
 PYTHON ?= python3.11
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 ROOMS := comms planners vision sim_rig rig
+SHORT :=
 THREADS := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
 
 .PHONY: setup demo test check format bench clean
@@ -32,11 +33,11 @@ format: $(READY)
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
-bench: $(READY)
+bench: $(READY)  # make bench SHORT=--short: the same with few repeats, to show that it runs
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[peers]'
-	$(THREADS) $(BIN)/python benchmarks/loop.py
-	$(THREADS) $(BIN)/python benchmarks/planners.py
-	$(THREADS) $(BIN)/python benchmarks/servo.py
+	$(THREADS) $(BIN)/python -m benchmarks.loop $(SHORT)
+	$(THREADS) $(BIN)/python -m benchmarks.planning $(SHORT)
+	$(THREADS) $(BIN)/python -m benchmarks.servo $(SHORT)
 
 clean:
 	rm -rf $(VENV) build *.egg-info

@@ -6,7 +6,6 @@ Medians over repeats. The first line is the speed of the interpreter itself, for
 from __future__ import annotations
 
 import statistics
-import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.timing import interpreter_line, is_short, timed_s
 from comms.clock import stopwatch_s
 from comms.messages import Frame, Truth
 from comms.task import Step, Task
@@ -28,8 +28,8 @@ from rig.run.tasks.operator import Operator
 from rig.studies.vision.bench import pivot_px
 from vision.tracker import Tracker
 
-REPEATS = 7
-FRAMES = 400
+REPEATS = 1 if is_short() else 7
+FRAMES = 100 if is_short() else 400
 
 
 class Timed:
@@ -76,11 +76,6 @@ class TimedRecorder(Recorder):
         self.spent_s += stopwatch_s() - began
 
 
-def interpreter_us() -> float:
-    """Median time of a fixed piece of pure Python."""
-    return 1e6 * statistics.median(_timed(lambda: sum(range(1000))) for _ in range(500))
-
-
 def loop(job: Job, timed: bool) -> tuple[float, dict[str, float]]:
     """Seconds of one virtual loop, and who spent them when asked for."""
     operator = Operator(list(job.settings), round(job.plan.duration_s * 1e9))
@@ -101,7 +96,7 @@ def loop(job: Job, timed: bool) -> tuple[float, dict[str, float]]:
             interrupts=Interrupts(),
             progress=lambda _: None,
         )
-        seconds = _timed(runner.run)
+        seconds = timed_s(runner.run)
         recorder.close({}, {}, 0)
     spent = {task.name: task.spent_s for task in watched}
     return seconds, spent | (
@@ -124,26 +119,20 @@ def tracker() -> tuple[float, float]:
     assert max(np.abs(truths)) > 0.34
     height, width = frames[0].shape
     eye, pivot = Tracker(width, height), pivot_px(chosen)
-    following = [_timed(lambda f=f: eye.measure(f, pivot)) for f in frames]
+    following = [timed_s(lambda f=f: eye.measure(f, pivot)) for f in frames]
 
     def cold(frame: Any) -> None:
         eye.forget()
         eye.measure(frame, pivot)
 
     return statistics.median(following), statistics.median(
-        _timed(lambda f=f: cold(f)) for f in frames
+        timed_s(lambda f=f: cold(f)) for f in frames
     )
-
-
-def _timed(call: Callable[[], Any]) -> float:
-    began = stopwatch_s()
-    call()
-    return stopwatch_s() - began
 
 
 def main() -> None:
     """Print all of it."""
-    print(f"interpreter: sum(range(1000)) in {interpreter_us():.1f} us")
+    print(interpreter_line())
     for name, changes in (
         ("with camera and log", []),
         ("without camera, with log", ["camera.rate_hz=0"]),
@@ -165,8 +154,8 @@ def main() -> None:
     following, cold = tracker()
     for name, seconds in (("following the cable", following), ("cold, full frame", cold)):
         print(f"tracker, every row, {name}: {seconds * 1e6:.0f} us ({1 / seconds:.0f} frames/s)")
-    print(f"interpreter: sum(range(1000)) in {interpreter_us():.1f} us")
+    print(interpreter_line())
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

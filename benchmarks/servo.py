@@ -8,16 +8,11 @@ read the ratios, and the first line for the speed of the interpreter itself.
 from __future__ import annotations
 
 import itertools
-import statistics
-import sys
-from collections.abc import Callable
-
-sys.path.pop(0)  # this folder, where this file would stand in front of the package of the same name
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from comms.clock import stopwatch_s
+from benchmarks.timing import interpreter_line, median_s
 from rig.drives.servo.setpoint import DriveController, MotorSetpoint
 from rig.studies.servo import bench
 from rig.studies.servo.controllers import CONTROLLERS, lqg
@@ -30,9 +25,7 @@ AHEAD = [MotorSetpoint(0.1 * k, 100.0, 10.0) for k in range(STEPS)]
 def main() -> None:
     """Measure and print."""
     spec = load(None)
-    print(
-        f"interpreter: sum(range(1000)) takes {_median(lambda: sum(range(1000)), 500) * 1e6:.1f} us\n"
-    )
+    print(interpreter_line(), end="\n\n")
     print(f"{'controller':14s}{'us a step':>10s}")
     for name, design in CONTROLLERS.items():
         print(f"{name:14s}{_step_s(design(spec).controller) * 1e6:10.2f}")
@@ -56,7 +49,7 @@ def _step_s(controller: DriveController) -> float:
         for setpoint in AHEAD:
             controller.step(setpoint, setpoint.angle_rad)
 
-    return _median(steps, 15) / STEPS
+    return median_s(steps, 15) / STEPS
 
 
 def _python_control_s(spec: ServoSpec) -> float:
@@ -67,7 +60,7 @@ def _python_control_s(spec: ServoSpec) -> float:
         system.output(0.0, state, told)
         system.dynamics(0.0, state, told)
 
-    return _median(both, 500)
+    return median_s(both, 500)
 
 
 def _sample_s(spec: ServoSpec, truth: str) -> float:
@@ -81,28 +74,19 @@ def _sample_s(spec: ServoSpec, truth: str) -> float:
             joint.advance(next(torques), spec.drive.period_s)
             joint.read()
 
-    return _median(samples, 15) / 200
+    return median_s(samples, 15) / 200
 
 
 def _solve_ivp_s(spec: ServoSpec) -> float:
     a, b = spec.joint.state_matrix, spec.joint.input_matrix[:, 0]
     state = np.array([1.0, 100.0, 0.9, 99.0])
     span = (0.0, spec.drive.period_s)
-    return _median(
+    return median_s(
         lambda: solve_ivp(
             lambda _, x: a @ x + b * 0.5, span, state, method="DOP853", rtol=1e-12, atol=1e-12
         ),
         50,
     )
-
-
-def _median(call: Callable[[], object], repeats: int) -> float:
-    times = []
-    for _ in range(repeats):
-        began = stopwatch_s()
-        call()
-        times.append(stopwatch_s() - began)
-    return statistics.median(times)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,5 @@
-"""How fast the planners are beside what one would use otherwise, in the same run: `make bench`.
+"""How fast the planners are beside what one would use otherwise, in the same run: `make bench`
+(`python -m benchmarks.planning [--short]`).
 
 Peers: scipy.integrate.solve_bvp with analytic Jacobians (tolerance 1e-6, the tables' grid of 201 nodes), and CasADi with
 IPOPT on Legendre collocation of degree 3 over 100 intervals (solve and build apart). Medians over repeats; machines share
@@ -7,16 +8,14 @@ their cores, so read the ratios, and the first line for the speed of the interpr
 
 from __future__ import annotations
 
-import statistics
 import sys
 from collections.abc import Callable
 from typing import Any
 
-sys.path.pop(0)  # this folder, where this file would stand in front of the package of the same name
-
 import numpy as np
 from scipy.integrate import solve_bvp
 
+from benchmarks.timing import interpreter_line, is_short, median_s, timed_s
 from comms.clock import stopwatch_s
 from planners.boundary_value import convolution, matrix_exponential
 from planners.boundary_value.linear import LinearProblem, linear_problem
@@ -52,9 +51,7 @@ def main() -> None:
     except ImportError:
         casadi = None
         print("CasADi is not installed (make bench installs it); its columns stay empty")
-    print(
-        f"interpreter: sum(range(1000)) takes {_median(lambda: sum(range(1000)), 500) * 1e6:.1f} us\n"
-    )
+    print(interpreter_line(), end="\n\n")
     print(
         "us: coefficients (Gramian and solve), plan, plan and 1001 positions, the same plan by matrix_exponential;"
     )
@@ -62,7 +59,8 @@ def main() -> None:
         "ms: solve_bvp, IPOPT and its building; ratios: solve_bvp and IPOPT over plan and 1001 positions"
     )
     print(HEAD)
-    problems = [(name, _problem(m, i, r, t)) for name, m, i, r, times in CASES for t in times]
+    cases = CASES[:1] if is_short() else CASES
+    problems = [(name, _problem(m, i, r, t)) for name, m, i, r, times in cases for t in times]
     for name, problem in problems:
         _row(name, problem, casadi)
     _all_solvers(problems)
@@ -74,17 +72,16 @@ def _problem(model: Model, input: str, robust: tuple[str, ...], time_s: float) -
 
 def _row(name: str, problem: Problem, casadi: Any) -> None:
     linear, t = linear_problem(problem), np.linspace(0.0, problem.time_s, SAMPLES)
-    coefficients = _median(lambda: convolution.coefficients(linear), 200)
-    plan = _median(lambda: convolution.plan_convolution(problem), 200)
-    whole = _median(lambda: convolution.plan_convolution(problem).at(t), 200)
-    flow = _median(lambda: matrix_exponential.plan_matrix_exponential(problem), 100)
-    bvp = _median(lambda: _solve_bvp(linear), 3)
+    coefficients = median_s(lambda: convolution.coefficients(linear), 200)
+    plan = median_s(lambda: convolution.plan_convolution(problem), 200)
+    whole = median_s(lambda: convolution.plan_convolution(problem).at(t), 200)
+    flow = median_s(lambda: matrix_exponential.plan_matrix_exponential(problem), 100)
+    bvp = median_s(lambda: _solve_bvp(linear), 3)
     solve = build = float("nan")
     if casadi is not None:
-        began = stopwatch_s()
+        build = timed_s(lambda: _casadi(casadi, linear))
         solver = _casadi(casadi, linear)
-        build = stopwatch_s() - began
-        solve = _median(solver, 3)
+        solve = median_s(solver, 3)
     micro = "".join(f"{seconds * 1e6:8.0f}" for seconds in (coefficients, plan, whole, flow))
     milli = "".join(f"{seconds * 1e3:10.1f}" for seconds in (bvp, solve, build))
     ratios = "".join(f"{peer / whole:9.0f}x" for peer in (bvp, solve) if peer == peer)
@@ -148,15 +145,6 @@ def _casadi(casadi: Any, linear: LinearProblem) -> Callable[[], Any]:
     options = {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes"}
     solver = casadi.nlpsol("s", "ipopt", nlp, options)
     return lambda: solver(x0=0.0, lbg=0.0, ubg=0.0)
-
-
-def _median(call: Callable[[], Any], repeats: int) -> float:
-    times = []
-    for _ in range(repeats):
-        began = stopwatch_s()
-        call()
-        times.append(stopwatch_s() - began)
-    return statistics.median(times)
 
 
 if __name__ == "__main__":
