@@ -21,7 +21,7 @@ from comms.clock import stopwatch_s
 from rig.drives.servo.setpoint import DriveController, MotorSetpoint
 from rig.studies.servo import bench
 from rig.studies.servo.controllers import CONTROLLERS, lqg
-from rig.studies.servo.spec import ServoSpec, load
+from rig.studies.servo.spec import ServoSpec, read_spec
 
 STEPS = 2000
 AHEAD = [MotorSetpoint(0.1 * k, 100.0, 10.0) for k in range(STEPS)]
@@ -29,7 +29,7 @@ AHEAD = [MotorSetpoint(0.1 * k, 100.0, 10.0) for k in range(STEPS)]
 
 def main() -> None:
     """Measure and print."""
-    spec = load(None)
+    spec = read_spec(None)
     print(
         f"interpreter: sum(range(1000)) takes {_median(lambda: sum(range(1000)), 500) * 1e6:.1f} us\n"
     )
@@ -72,7 +72,7 @@ def _python_control_s(spec: ServoSpec) -> float:
 
 def _sample_s(spec: ServoSpec, truth: str) -> float:
     joint, torques = (
-        bench.elastic_joint(spec.truth_tables(truth), 1),
+        bench.elastic_joint(spec.plant_variant_tables(truth), 1),
         itertools.cycle((0.5, 0.9, -0.2)),
     )
 

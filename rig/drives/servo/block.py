@@ -9,14 +9,14 @@ import numpy as np
 from planners.trajectories.pieces import FloatArray
 from rig.drives.servo.errors import Improper, ServoError, check_below_nyquist, check_range
 
-SHORTEST_S, LONGEST_S = 1e-7, 10.0  # of a drive's sample time
+MIN_PERIOD_S, MAX_PERIOD_S = 1e-7, 10.0  # of a drive's sample time
 Method = Literal["bilinear", "zoh"]
 
 
 def check_period(period_s: float) -> None:
     """Raises ServoError for a sample time that no drive has."""
     check_range(
-        "period_s", period_s, SHORTEST_S, LONGEST_S, "give the drive's sample time in seconds"
+        "period_s", period_s, MIN_PERIOD_S, MAX_PERIOD_S, "give the drive's sample time in seconds"
     )
 
 

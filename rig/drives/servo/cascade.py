@@ -30,7 +30,7 @@ from rig.drives.servo.wiring import (
     rename,
 )
 
-Where = Literal["inside", "upstream"]  # of the speed loop
+NotchPlacement = Literal["inside", "upstream"]  # of the speed loop
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,7 +95,7 @@ class Cascade:
         )
 
     def position_loop(
-        self, joint: TwoMass, notch: Notch | None = None, where: Where = "inside"
+        self, joint: TwoMass, notch: Notch | None = None, where: NotchPlacement = "inside"
     ) -> ControlLoop:
         """Continuous: the Setpoint, motor_torque, load_torque to motor_angle, motor_speed, load_angle, load_speed."""
         inside, upstream = _placed(notch, where)
@@ -103,7 +103,9 @@ class Cascade:
             joint, [*self._inner(inside), *self._outer(upstream and upstream.system)]
         )
 
-    def sampled(self, period_s: float, notch: Notch | None = None, where: Where = "inside") -> Any:
+    def sampled(
+        self, period_s: float, notch: Notch | None = None, where: NotchPlacement = "inside"
+    ) -> Any:
         """CascadeController as control.StateSpace, without the torque limit: from the Setpoint and motor_angle to drive_torque.
 
         Raises ServoError for a sample time out of bounds, BeyondNyquist for a notch that it cannot hold.
@@ -170,7 +172,11 @@ class CascadeController:
     """
 
     def __init__(
-        self, design: Cascade, period_s: float, notch: Notch | None = None, where: Where = "inside"
+        self,
+        design: Cascade,
+        period_s: float,
+        notch: Notch | None = None,
+        where: NotchPlacement = "inside",
     ) -> None:
         """Raises ServoError for a sample time out of bounds, BeyondNyquist for a notch that it cannot hold."""
         check_period(period_s)
@@ -221,7 +227,7 @@ class CascadeController:
         return self._last_speed
 
 
-def _placed(notch: Notch | None, where: Where) -> tuple[Notch | None, Notch | None]:
+def _placed(notch: Notch | None, where: NotchPlacement) -> tuple[Notch | None, Notch | None]:
     """(inside, upstream)"""
     return (notch, None) if where == "inside" else (None, notch)
 

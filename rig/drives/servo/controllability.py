@@ -13,8 +13,8 @@ from planners.trajectories.pieces import FloatArray
 from rig.drives.servo.errors import NotControllable, NotObservable, ServoError
 from rig.drives.servo.two_mass import TwoMass
 
-BOUND = 1e-8  # of the measure: gains would lose half their digits to rounding
-SLOWEST_RAD_S = 1.0  # of the time unit: a joint that swings in hours is no drive
+MIN_MEASURE = 1e-8  # of the measure: gains would lose half their digits to rounding
+MIN_RATE_1_S = 1.0  # of the time unit: a joint that swings in hours is no drive
 
 
 class Units(NamedTuple):
@@ -40,13 +40,13 @@ class ModeControllability(NamedTuple):
     measure: float  # smallest singular value of [A - lambda 1, b], A scaled to its spectral radius and b to length 1
 
 
-def own_units(joint: TwoMass) -> Units:
+def joint_units(joint: TwoMass) -> Units:
     """Of its states: time by its fastest pole (1 rad/s at least), angles in rad, speeds in rad per unit of time."""
-    rate_1_s = max(float(np.max(np.abs(joint.poles_1_s))), SLOWEST_RAD_S)
+    rate_1_s = max(float(np.max(np.abs(joint.poles_1_s))), MIN_RATE_1_S)
     return Units(np.array([1.0, rate_1_s, 1.0, rate_1_s]), rate_1_s)
 
 
-def balanced(a: FloatArray) -> Units:
+def balanced_units(a: FloatArray) -> Units:
     """For states of unknown meaning: rows as long as columns, time by the fastest eigenvalue."""
     from scipy.linalg import matrix_balance
 
@@ -61,10 +61,10 @@ def mode_controllability(
 ) -> tuple[ModeControllability, ...]:
     """Of the state matrix a (n, n) with the input b (n,), one a mode, the hardest first (Hautus 1969).
 
-    Without units the matrix is balanced. Raises ServoError for shapes that do not fit and for what is not finite.
+    Without units the matrix is balanced_units. Raises ServoError for shapes that do not fit and for what is not finite.
     """
     a, b = check_shapes(a, b)
-    units = units or balanced(a)
+    units = units or balanced_units(a)
     scaled, column = units.matrix(a), b / units.states
     column /= np.linalg.norm(column) or 1.0
     rows = []
@@ -79,22 +79,22 @@ def mode_controllability(
 
 
 def check_controllable(a: FloatArray, b: FloatArray, units: Units | None = None) -> None:
-    """Raises NotReachable unless the input b (n,) moves every mode of a (n, n); ServoError for shapes that do not fit."""
+    """Raises NotControllable unless the input b (n,) moves every mode of a (n, n); ServoError for shapes that do not fit."""
     hardest = mode_controllability(a, b, units)[0]
-    if not hardest.measure > BOUND:
+    if not hardest.measure > MIN_MEASURE:
         raise NotControllable(
             f"the mode at {_told(hardest.eigenvalue_1_s)} 1/s is not reached by the input: measure = {hardest.measure:.3g}; "
-            f"must be > {BOUND:g}: couple it to the input (stiffness, damper), move the actuator, or leave it out"
+            f"must be > {MIN_MEASURE:g}: couple it to the input (stiffness, damper), move the actuator, or leave it out"
         )
 
 
 def check_observable(a: FloatArray, c: FloatArray, units: Units | None = None) -> None:
     """Raises NotObservable unless the sensor c (n,) shows every mode of a (n, n); ServoError for shapes that do not fit."""
     hardest = mode_controllability(np.asarray(a).T, c, units and units.dual)[0]
-    if not hardest.measure > BOUND:
+    if not hardest.measure > MIN_MEASURE:
         raise NotObservable(
             f"the mode at {_told(hardest.eigenvalue_1_s)} 1/s is not seen by the sensor: measure = {hardest.measure:.3g}; "
-            f"must be > {BOUND:g}: couple it to the sensor (stiffness, damper), measure another state, or leave it out"
+            f"must be > {MIN_MEASURE:g}: couple it to the sensor (stiffness, damper), measure another state, or leave it out"
         )
 
 

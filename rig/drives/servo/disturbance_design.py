@@ -31,7 +31,7 @@ MAX_FILTER_ORDER = 8
 Kind = Literal["binomial", "butterworth"]
 Measured = Literal["speed", "angle"]
 Place = Literal["motor", "load"]
-SAME = 1e-9  # relative: a nominal this close to the joint is the joint
+SAME_COEFFICIENT_REL = 1e-9  # relative: a nominal this close to the joint is the joint
 
 
 class Ratio(NamedTuple):
@@ -96,7 +96,7 @@ class Nominal:
         return cls.rigid(joint.motor_inertia_kg_m2, joint.motor_friction_n_m_s_rad)
 
     @classmethod
-    def whole(cls, joint: TwoMass) -> Nominal:
+    def rigid_joint(cls, joint: TwoMass) -> Nominal:
         """1 / ((Jm + Jlr) s + Dm + Dlr): the joint as if it were stiff."""
         return cls.rigid(joint.rigid_inertia_kg_m2, joint.rigid_friction_n_m_s_rad)
 
@@ -116,7 +116,10 @@ class Nominal:
             (self.numerator, joint.motor_numerator),
             (self.denominator, joint.denominator[:-1]),
         )
-        return all(a.shape == b.shape and np.allclose(a, b, rtol=SAME, atol=0.0) for a, b in pairs)
+        return all(
+            a.shape == b.shape and np.allclose(a, b, rtol=SAME_COEFFICIENT_REL, atol=0.0)
+            for a, b in pairs
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,13 +160,13 @@ class ObserverDesign:
 
     def poles_1_s(self, joint: TwoMass) -> ComplexArray:
         """Those that a torque on the motor moves. The elastic nominal of the joint itself leaves the joint's own and Q's: what
-        its inverse adds, the load swinging while the motor stands, is not among them (hidden_poles_1_s).
+        its inverse adds, the load swinging while the motor stands, is not among them (cancelled_poles_1_s).
         """
         if not self.nominal.is_joint(joint):
             return _roots(self.characteristic(joint))
         return np.concatenate([_roots(self.low_pass.denominator), joint.poles_1_s])
 
-    def hidden_poles_1_s(self, joint: TwoMass) -> ComplexArray:
+    def cancelled_poles_1_s(self, joint: TwoMass) -> ComplexArray:
         """Of the elastic nominal's inverse; no torque on the motor moves them, a torque on the load does."""
         return (
             _roots(joint.motor_numerator)

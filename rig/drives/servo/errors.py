@@ -17,7 +17,7 @@ class NotObservable(ServoError):
     """The measurement does not show a state that is to be estimated."""
 
 
-class PolesOutOfReach(ServoError):
+class PolesNotAssignable(ServoError):
     """Eigenvalues that cannot be assigned: not conjugate, unstable, too many, faster than the sampling."""
 
 

@@ -16,12 +16,12 @@ import numpy as np
 
 from planners.trajectories.pieces import ComplexArray, FloatArray
 from rig.drives.servo.block import check_period
-from rig.drives.servo.controllability import check_observable, own_units
+from rig.drives.servo.controllability import check_observable, joint_units
 from rig.drives.servo.errors import ServoError, check_range
-from rig.drives.servo.loops import continuous
-from rig.drives.servo.riccati import doubled, least_cost
+from rig.drives.servo.loops import continuous_equivalents
+from rig.drives.servo.riccati import lq_gains, solve_riccati_by_doubling
 from rig.drives.servo.state_feedback import (
-    SETTLING,
+    MIN_DECAY_REL,
     assign_eigenvalues,
     check_poles,
     sample_units,
@@ -31,7 +31,7 @@ from rig.drives.servo.state_feedback import (
 from rig.drives.servo.two_mass import TwoMass
 
 ENCODER = np.array([1.0, 0.0, 0.0, 0.0])  # C
-NOISIER = "give the torques more noise, above all the load's, or the encoder fewer counts"
+NOISE_ADVICE = "give the torques more noise, above all the load's, or the encoder fewer counts"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,11 +109,11 @@ class Estimator:
         200 rad/s, which costs 3 N m. Kalman's gains L estimate to 4e-7 as well (standard deviations) as sampled_kalman(), at
         3 ms to 7e-4; at 1 ms an encoder of 16 bits makes them poles that are out of reach.
 
-        Raises PolesOutOfReach for poles beyond half the sampling, BeyondNyquist for a joint that swings faster than that.
+        Raises PolesNotAssignable for poles beyond half the sampling, BeyondNyquist for a joint that swings faster than that.
         """
         a, _ = sampled_joint(joint, period_s)
         wanted = check_poles(self.poles_1_s(joint), 4, period_s)
-        delta, units = (a - np.eye(4)) / period_s, own_units(joint)
+        delta, units = (a - np.eye(4)) / period_s, joint_units(joint)
         rates = -assign_eigenvalues(delta.T, ENCODER, sampled_rates(wanted, period_s), units.dual)
         return np.asarray(np.linalg.solve(a, rates * period_s))
 
@@ -140,7 +140,7 @@ class SampledEstimator:
         encoder that is believed at once, is left out."""
         units = sample_units(self.period_s)
         left = sampled_joint(joint, self.period_s)[0] @ (np.eye(4) - np.outer(self.gains, ENCODER))
-        return continuous(
+        return continuous_equivalents(
             np.linalg.eigvals(left * units.states / units.states[:, None]), self.period_s
         )
 
@@ -158,10 +158,10 @@ def assign(
 ) -> Estimator:
     """Gains that give the error of the estimate these four poles.
 
-    Raises NotObservable, and PolesOutOfReach for poles that are not conjugate, not four, not in the left half plane, or, with
+    Raises NotObservable, and PolesNotAssignable for poles that are not conjugate, not four, not in the left half plane, or, with
     a sample time, beyond half the sampling.
     """
-    wanted, units = check_poles(poles_1_s, 4, period_s), own_units(joint)
+    wanted, units = check_poles(poles_1_s, 4, period_s), joint_units(joint)
     check_observable(joint.state_matrix, ENCODER, units)
     return _estimator(-assign_eigenvalues(joint.state_matrix.T, ENCODER, wanted, units.dual))
 
@@ -171,12 +171,14 @@ def kalman(joint: TwoMass, noise: Noise | None = None) -> Estimator:
 
     Raises NotObservable; ServoError for torques and readings so unlike in noise that rounding decides the gains.
     """
-    noise, units = noise or Noise(), own_units(joint)
+    noise, units = noise or Noise(), joint_units(joint)
     check_observable(joint.state_matrix, ENCODER, units)
     spread = joint.input_matrix @ noise.torques @ joint.input_matrix.T
     density = noise.angle_rad2 * noise.encoder_period_s
     return _estimator(
-        least_cost(joint.state_matrix.T, ENCODER, spread, density, units.dual, str(noise), NOISIER)
+        lq_gains(
+            joint.state_matrix.T, ENCODER, spread, density, units.dual, str(noise), NOISE_ADVICE
+        )
     )
 
 
@@ -186,16 +188,18 @@ def sampled_kalman(joint: TwoMass, noise: Noise, period_s: float) -> SampledEsti
     Raises NotObservable, BeyondNyquist for a joint that swings faster than half the sampling, ServoError for a sample time out
     of bounds and when an error of the estimate would not die out.
     """
-    check_observable(joint.state_matrix, ENCODER, own_units(joint))
+    check_observable(joint.state_matrix, ENCODER, joint_units(joint))
     a, _ = sampled_joint(joint, period_s)
     units, angle = sample_units(period_s), noise.angle_rad2
     a, lost = (
         a * units.states / units.states[:, None],
-        f"{noise} leaves no gains within floating point: {NOISIER}",
+        f"{noise} leaves no gains within floating point: {NOISE_ADVICE}",
     )
     try:
         with np.errstate(all="ignore"):
-            prior = doubled(a.T, np.outer(ENCODER, ENCODER) / angle, _added(joint, noise, period_s))
+            prior = solve_riccati_by_doubling(
+                a.T, np.outer(ENCODER, ENCODER) / angle, _added(joint, noise, period_s)
+            )
             gains = prior[:, 0] / (prior[0, 0] + angle)
             keep = np.eye(4) - np.outer(gains, ENCODER)
             variance = np.diag(keep @ prior @ keep.T + angle * np.outer(gains, gains))
@@ -204,9 +208,9 @@ def sampled_kalman(joint: TwoMass, noise: Noise, period_s: float) -> SampledEsti
         raise ServoError(lost) from None
     if not np.all(variance >= 0.0):
         raise ServoError(lost)
-    if not largest < 1.0 - SETTLING:
+    if not largest < 1.0 - MIN_DECAY_REL:
         raise ServoError(
-            f"{noise} leaves {largest:.12g} of an error after a sample; must be < 1 - {SETTLING:g}: {NOISIER}"
+            f"{noise} leaves {largest:.12g} of an error after a sample; must be < 1 - {MIN_DECAY_REL:g}: {NOISE_ADVICE}"
         )
     return SampledEstimator(
         _four(gains * units.states), period_s, _four(np.sqrt(variance) * units.states)

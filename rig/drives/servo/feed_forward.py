@@ -84,7 +84,7 @@ class LoadFilter:
 
     def check_proper(self, joint: TwoMass) -> None:
         """Raises Improper when C2 would have to differentiate the setpoint."""
-        least = least_degree(joint)
+        least = min_relative_degree(joint)
         if self.relative_degree < least:
             raise Improper(
                 f"F0 has a relative degree of {self.relative_degree}; must be >= {least} for elastic_damping_n_m_s_rad = "
@@ -102,12 +102,14 @@ class FeedForward(NamedTuple):
     d: FloatArray  # (6, 3)
 
 
-def least_degree(joint: TwoMass) -> int:
+def min_relative_degree(joint: TwoMass) -> int:
     """Of F0: 3, or 4 without a damper, as chi is of 4th degree and Bl = Del s + Kel."""
     return 3 if joint.elastic_damping_n_m_s_rad else 4
 
 
-def pair(joint: TwoMass, feedback: Feedback, load_filter: LoadFilter) -> tuple[Any, Any]:
+def feed_forward_pair(
+    joint: TwoMass, feedback: Feedback, load_filter: LoadFilter
+) -> tuple[Any, Any]:
     """C1 and C2 as control.TransferFunction. Raises Improper for a filter of too low a relative degree."""
     import control
 
@@ -128,7 +130,7 @@ def characteristic(joint: TwoMass, feedback: Feedback) -> FloatArray:
     return np.asarray(np.polysub(np.polysub(joint.denominator, motor), load))
 
 
-def nominal(joint: TwoMass, load_filter: LoadFilter) -> Any:
+def nominal_system(joint: TwoMass, load_filter: LoadFilter) -> Any:
     """control.StateSpace from setpoint angle to the five that move the load by F0: the four states and the torque.
 
     Raises Improper for a filter of too low a relative degree.
@@ -164,14 +166,14 @@ def nominal(joint: TwoMass, load_filter: LoadFilter) -> Any:
     )
 
 
-def none(joint: TwoMass, period_s: float, load_filter: LoadFilter) -> FeedForward:
+def no_feed_forward(joint: TwoMass, period_s: float, load_filter: LoadFilter) -> FeedForward:
     """The setpoint's angle to the integral, and no more."""
     d = np.zeros((6, 3))
     d[5, 0] = 1.0
     return _static(d)
 
 
-def rigid(joint: TwoMass, period_s: float, load_filter: LoadFilter) -> FeedForward:
+def rigid_feed_forward(joint: TwoMass, period_s: float, load_filter: LoadFilter) -> FeedForward:
     """States [q, q', q, q'] and the torque (Jm + Jlr) q'' + (Dm + Dlr) q' of a joint that does not yield."""
     d = np.zeros((6, 3))
     d[[0, 2, 5], 0] = 1.0
@@ -180,13 +182,13 @@ def rigid(joint: TwoMass, period_s: float, load_filter: LoadFilter) -> FeedForwa
     return _static(d)
 
 
-def dynamic(joint: TwoMass, period_s: float, load_filter: LoadFilter) -> FeedForward:
+def dynamic_feed_forward(joint: TwoMass, period_s: float, load_filter: LoadFilter) -> FeedForward:
     """The nominal states now and the mean of the nominal torque until the next sample, as the torque is held; between samples
     the setpoint goes on with its speed and acceleration. Raises Improper for a filter of too low a relative degree."""
     from scipy.linalg import expm
 
     check_period(period_s)
-    system = nominal(joint, load_filter)
+    system = nominal_system(joint, load_filter)
     n = system.nstates
     whole = np.zeros(
         (n + 4, n + 4)
@@ -202,9 +204,9 @@ def dynamic(joint: TwoMass, period_s: float, load_filter: LoadFilter) -> FeedFor
 
 
 FEED_FORWARD: dict[str, Callable[[TwoMass, float, LoadFilter], FeedForward]] = {
-    "none": none,
-    "rigid": rigid,
-    "dynamic": dynamic,
+    "none": no_feed_forward,
+    "rigid": rigid_feed_forward,
+    "dynamic": dynamic_feed_forward,
 }
 
 
@@ -215,7 +217,7 @@ def feed_forward_block(
     if name not in FEED_FORWARD:
         raise ServoError(str(unknown_name("feed_forward", name, FEED_FORWARD)))
     return FEED_FORWARD[name](
-        joint, period_s, load_filter or LoadFilter.binomial(least_degree(joint))
+        joint, period_s, load_filter or LoadFilter.binomial(min_relative_degree(joint))
     )
 
 

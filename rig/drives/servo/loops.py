@@ -10,9 +10,9 @@ import numpy as np
 from planners.trajectories.pieces import ComplexArray, FloatArray
 from rig.drives.servo.errors import ServoError
 
-DELAY = 1e-9  # of a discrete pole that counts as 0
-LEAST = 1e-9  # a gain margin below is the rounding of 0
-REAL = 1e-9  # imaginary part of a real pole, as a share of its size
+ZERO_POLE = 1e-9  # of a discrete pole that counts as 0
+ZERO_GAIN = 1e-9  # a gain margin below is the rounding of 0
+REAL_POLE_REL = 1e-9  # imaginary part of a real pole, as a share of its size
 
 
 class PolePair(NamedTuple):
@@ -25,11 +25,11 @@ class PolePair(NamedTuple):
 class Margins(NamedTuple):
     """Of a loop opened at one place, if it is stable closed; inf or 0 where the loop never gets there."""
 
-    gain: float  # by which the gain may grow
+    upper_gain_margin: float  # by which the gain may grow
     lower_gain_margin: float  # to which it may fall
-    phase_deg: float
+    phase_margin_deg: float
     crossover_rad_s: float  # of |L| = 1 with that phase
-    sensitivity: float  # largest |1 / (1 + L)|
+    peak_sensitivity: float  # largest |1 / (1 + L)|
 
 
 class LoopAnalysis(NamedTuple):
@@ -38,10 +38,10 @@ class LoopAnalysis(NamedTuple):
     poles_1_s: ComplexArray  # of a discrete loop log(z) / period
     zeros_1_s: ComplexArray
     margins: Margins
-    condition: float  # of its eigenvectors, see condition()
+    eigenvector_condition: float  # of its eigenvectors, see eigenvector_condition()
 
     @property
-    def modes(self) -> tuple[PolePair, ...]:
+    def pole_pairs(self) -> tuple[PolePair, ...]:
         """Slowest first."""
         return pole_pairs(self.poles_1_s)
 
@@ -53,30 +53,34 @@ class LoopAnalysis(NamedTuple):
 
 def analyse_loop(opened: Any, closed: Any) -> LoopAnalysis:
     """Of a loop (control.StateSpace or TransferFunction) opened at the plant's input, and closed from setpoint to output."""
-    return LoopAnalysis(poles(closed), zeros(closed), margins(opened), condition(closed))
+    return LoopAnalysis(
+        poles(closed), zeros(closed), margins(opened), eigenvector_condition(closed)
+    )
 
 
 def poles(system: Any) -> ComplexArray:
     """Of a continuous system, or of a discrete one as continuous equivalents [1/s]."""
-    return continuous(system.poles(), system.dt)
+    return continuous_equivalents(system.poles(), system.dt)
 
 
 def zeros(system: Any) -> ComplexArray:
     """Like poles; those at infinity are left out."""
     found = np.asarray(system.zeros(), dtype=np.complex128)
-    return continuous(found[np.isfinite(found)], system.dt)
+    return continuous_equivalents(found[np.isfinite(found)], system.dt)
 
 
 def pole_pairs(poles_1_s: ComplexArray | FloatArray) -> tuple[PolePair, ...]:
     """One of each conjugate pair, slowest first; a pole at 0 counts as damping 1."""
     kept = [
-        p for p in np.asarray(poles_1_s, dtype=np.complex128).tolist() if p.imag >= -REAL * abs(p)
+        p
+        for p in np.asarray(poles_1_s, dtype=np.complex128).tolist()
+        if p.imag >= -REAL_POLE_REL * abs(p)
     ]
     rows = [PolePair(abs(p), -p.real / abs(p) if abs(p) else 1.0) for p in kept]
     return tuple(sorted(rows))
 
 
-def swinging(poles_1_s: ComplexArray | FloatArray) -> tuple[PolePair, ...]:
+def oscillatory_pairs(poles_1_s: ComplexArray | FloatArray) -> tuple[PolePair, ...]:
     """Those of the modes that are conjugate pairs."""
     kept = [p for p in np.asarray(poles_1_s, dtype=np.complex128) if abs(p.imag) > 1e-6 * abs(p)]
     return pole_pairs(np.array(kept))
@@ -106,17 +110,17 @@ def margins(opened: Any) -> Margins:
     if period_s and nearest is not None:
         crossover = 2.0 / period_s * math.atan(crossover * period_s / 2.0)
     return Margins(
-        gain=float(min(gains[gains > 1.0], default=math.inf)),
-        lower_gain_margin=float(max(gains[(gains < 1.0) & (gains > LEAST)], default=0.0)),
-        phase_deg=math.inf if nearest is None else float(phases[nearest]),
+        upper_gain_margin=float(min(gains[gains > 1.0], default=math.inf)),
+        lower_gain_margin=float(max(gains[(gains < 1.0) & (gains > ZERO_GAIN)], default=0.0)),
+        phase_margin_deg=math.inf if nearest is None else float(phases[nearest]),
         crossover_rad_s=crossover,
-        sensitivity=1.0 / float(min(*distances, abs(1.0 + end), math.inf)),
+        peak_sensitivity=1.0 / float(min(*distances, abs(1.0 + end), math.inf)),
     )
 
 
 def _along_w(a: Any, b: Any, c: Any, d: Any, period_s: float) -> tuple[Any, Any, Any, Any]:
     one = np.eye(len(a))
-    if len(a) and np.min(np.abs(np.linalg.eigvals(a) + 1.0)) < DELAY:
+    if len(a) and np.min(np.abs(np.linalg.eigvals(a) + 1.0)) < ZERO_POLE:
         raise ServoError(
             "a sampled loop with a pole at z = -1; must have none: it rings at half the sampling, filter it"
         )
@@ -129,7 +133,7 @@ def _along_w(a: Any, b: Any, c: Any, d: Any, period_s: float) -> tuple[Any, Any,
     )
 
 
-def condition(system: Any) -> float:
+def eigenvector_condition(system: Any) -> float:
     """cond of the eigenvectors of the state matrix, each column of length 1; 1 is best, beyond 1e7 two are alike (source 001).
 
     States are balanced first, as metres beside metres a second say nothing of robustness.
@@ -145,11 +149,11 @@ def condition(system: Any) -> float:
     return float(np.linalg.cond(vectors))
 
 
-def continuous(found: Any, dt: Any) -> ComplexArray:
+def continuous_equivalents(found: Any, dt: Any) -> ComplexArray:
     """Poles or zeros of a discrete system as the continuous ones they stand for, log(z) / dt; those at 0 only delay and are
     left out.
     """
     values = np.asarray(found, dtype=np.complex128)
     if not dt:
         return values
-    return np.asarray(np.log(values[np.abs(values) > DELAY]) / float(dt))
+    return np.asarray(np.log(values[np.abs(values) > ZERO_POLE]) / float(dt))

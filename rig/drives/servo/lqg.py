@@ -28,7 +28,7 @@ class StateSpaceController:
     torque, and of [v, torque asked for, torque applied] with a matrix for the states of the next sample.
 
     Raises ServoError for a sample time or a limit out of bounds, an estimator of another sample time and an unknown
-    feed-forward, PolesOutOfReach and BeyondNyquist for what the sampling cannot hold, Improper for a load filter of too low a
+    feed-forward, PolesNotAssignable and BeyondNyquist for what the sampling cannot hold, Improper for a load filter of too low a
     relative degree.
     """
 
@@ -109,7 +109,9 @@ def compensator(joint: TwoMass, feedback: Feedback, estimator: Estimator) -> Any
     return control.ss(a, inputs, k[None], [[0.0, 0.0, 1.0]], inputs=names, outputs=["motor_torque"])
 
 
-def continuous_facts(joint: TwoMass, feedback: Feedback, estimator: Estimator) -> LoopAnalysis:
+def analyse_continuous_loop(
+    joint: TwoMass, feedback: Feedback, estimator: Estimator
+) -> LoopAnalysis:
     """Of the continuous loop with its observer: opened at the motor's torque, closed from reference to motor angle."""
     import control
 

@@ -18,8 +18,8 @@ from rig.drives.servo.block import check_period, discretise
 from rig.drives.servo.errors import ServoError, check_below_nyquist, check_datum, check_range
 from rig.drives.servo.loops import PolePair
 
-DEEPEST_BAND = math.sqrt(0.5)  # a shallower notch is nowhere 3 dB down: no band
-MOST_DAMPING = 100.0  # of the poles
+MAX_BAND_DEPTH = math.sqrt(0.5)  # a shallower notch is nowhere 3 dB down: no band
+MAX_POLE_DAMPING = 100.0  # of the poles
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,7 +33,7 @@ class Notch:
     def __post_init__(self) -> None:
         check_datum("frequency_rad_s", self.frequency_rad_s)
         check_range(
-            "denominator_damping", self.denominator_damping, 1e-6, MOST_DAMPING, "1 is usual"
+            "denominator_damping", self.denominator_damping, 1e-6, MAX_POLE_DAMPING, "1 is usual"
         )
         if not 0.0 <= self.numerator_damping < self.denominator_damping:
             raise ServoError(
@@ -59,9 +59,9 @@ class Notch:
         """
         check_datum("frequency_rad_s", frequency_rad_s)
         check_datum("band_rad_s", band_rad_s)
-        if not 0.0 <= depth < DEEPEST_BAND:
+        if not 0.0 <= depth < MAX_BAND_DEPTH:
             raise ServoError(
-                f"depth = {depth}; must be 0 or more and < {DEEPEST_BAND:.6g}, or nothing is 3 dB down: ask for a deeper notch"
+                f"depth = {depth}; must be 0 or more and < {MAX_BAND_DEPTH:.6g}, or nothing is 3 dB down: ask for a deeper notch"
             )
         damping = band_rad_s / (2.0 * frequency_rad_s) / math.sqrt(1.0 - 2.0 * depth**2)
         return cls(
@@ -86,9 +86,9 @@ class Notch:
 
         Raises ServoError for a notch too shallow to have one.
         """
-        if not self.depth < DEEPEST_BAND:
+        if not self.depth < MAX_BAND_DEPTH:
             raise ServoError(
-                f"numerator_damping = {self.numerator_damping}; must be < {self.denominator_damping * DEEPEST_BAND:.6g} "
+                f"numerator_damping = {self.numerator_damping}; must be < {self.denominator_damping * MAX_BAND_DEPTH:.6g} "
                 "(denominator_damping / sqrt(2)) to be 3 dB down anywhere: damp the denominator more"
             )
         return (

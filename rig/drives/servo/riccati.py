@@ -21,7 +21,7 @@ SHIFTS = (
 AGREEMENT = 1e-6  # of those two
 
 
-def least_cost(
+def lq_gains(
     a: FloatArray,
     b: FloatArray,
     cost: FloatArray,
@@ -38,7 +38,9 @@ def least_cost(
     try:
         with np.errstate(all="ignore"):
             g, h = np.outer(column, column) / weight, cost * np.outer(units.states, units.states)
-            gains, other = (column @ _stabilising(scaled, g, h, shift) / weight for shift in SHIFTS)
+            gains, other = (
+                column @ _solve_continuous_riccati(scaled, g, h, shift) / weight for shift in SHIFTS
+            )
             slowest = float(np.max(np.linalg.eigvals(scaled - np.outer(column, gains)).real))
     except np.linalg.LinAlgError:
         raise ServoError(f"{given} leaves no gains within floating point: {advice}") from None
@@ -50,7 +52,7 @@ def least_cost(
     return np.asarray(gains / units.states)
 
 
-def doubled(a: FloatArray, g: FloatArray, h: FloatArray) -> FloatArray:
+def solve_riccati_by_doubling(a: FloatArray, g: FloatArray, h: FloatArray) -> FloatArray:
     """X (n, n) >= 0 of X = h + a^T X (1 + g X)^-1 a, the cost of an endless horizon, by doubling a finite one (Chu, Fan, Lin
     and Wang 2004).
 
@@ -62,12 +64,14 @@ def doubled(a: FloatArray, g: FloatArray, h: FloatArray) -> FloatArray:
     return h
 
 
-def _stabilising(a: FloatArray, g: FloatArray, h: FloatArray, shift: float) -> FloatArray:
-    """X of a^T X + X a - X g X + h = 0, doubled after a Cayley transform (Chu, Fan and Lin 2005)."""
+def _solve_continuous_riccati(
+    a: FloatArray, g: FloatArray, h: FloatArray, shift: float
+) -> FloatArray:
+    """X of a^T X + X a - X g X + h = 0, solve_riccati_by_doubling after a Cayley transform (Chu, Fan and Lin 2005)."""
     one = np.eye(len(a))
     rate = shift * float(np.max(np.abs(np.linalg.eigvals(np.block([[a, -g], [-h, -a.T]])))))
     back = np.linalg.inv(a - rate * one)
     whole = np.linalg.inv(a - rate * one + g @ back.T @ h)
-    return doubled(
+    return solve_riccati_by_doubling(
         one + 2.0 * rate * whole, 2.0 * rate * back @ g @ whole.T, 2.0 * rate * whole.T @ h @ back
     )

@@ -33,10 +33,12 @@ from rig.drives.servo.errors import (
 from rig.drives.servo.loops import PolePair
 from rig.drives.servo.setpoint import MotorSetpoint
 
-MOST_DAMPING = 0.99  # of a mode; one that swings less needs no shaper
-MOST_SAMPLES = 1_000_000  # of delay
-OFF_GRID = 1e-6  # of the sample time; an impulse nearer to a sample is there
-LEAST_SUM = 0.5  # of divided amplitudes; those of positive ones sum to 1 or more without damping
+MAX_DAMPING = 0.99  # of a mode; one that swings less needs no shaper
+MAX_DELAY_SAMPLES = 1_000_000  # of delay
+SAMPLE_TOLERANCE = 1e-6  # of the sample time; an impulse nearer to a sample is there
+MIN_AMPLITUDE_SUM = (
+    0.5  # of divided amplitudes; those of positive ones sum to 1 or more without damping
+)
 NEGLIGIBLE_SWING_REL = (
     1e-13  # of the largest swing an impulse makes; one that makes less is left out
 )
@@ -52,14 +54,14 @@ class ShaperFacts(NamedTuple):
     duration_s: float
 
 
-def rate_1_s(mode: PolePair) -> complex:
+def eigenvalue_1_s(mode: PolePair) -> complex:
     """The mode's eigenvalue -zeta w + j w sqrt(1 - zeta^2). Raises ServoError for a mode that hardly swings, or grows."""
     check_datum("frequency_rad_s", mode.frequency_rad_s)
-    check_range("damping", mode.damping, 0.0, MOST_DAMPING, "what hardly swings needs no shaper")
+    check_range("damping", mode.damping, 0.0, MAX_DAMPING, "what hardly swings needs no shaper")
     return mode.frequency_rad_s * complex(-mode.damping, math.sqrt(1.0 - mode.damping**2))
 
 
-def design(name: str, modes: Sequence[PolePair], period_s: float) -> Shaper:
+def design_shaper(name: str, modes: Sequence[PolePair], period_s: float) -> Shaper:
     """One of SHAPERS for each mode, on the samples, one after the other: V = 0 at every mode if the shaper has it so.
 
     Raises PlanError for an unknown name and for too much damping for this shaper, ServoError for modes that do not swing,
@@ -71,26 +73,32 @@ def design(name: str, modes: Sequence[PolePair], period_s: float) -> Shaper:
         raise ServoError(
             f"modes of shaper {name} = (); must be one or more: give those of the joint that swing"
         )
-    return convolve(*(on_grid(SHAPERS[name](rate_1_s(mode)), mode, period_s) for mode in modes))
+    return convolve(
+        *(place_on_samples(SHAPERS[name](eigenvalue_1_s(mode)), mode, period_s) for mode in modes)
+    )
 
 
-def on_grid(shaper: Shaper, mode: PolePair, period_s: float) -> Shaper:
+def place_on_samples(shaper: Shaper, mode: PolePair, period_s: float) -> Shaper:
     """The shaper with its impulses on whole sample times, up to twice as many; at most a sample longer.
 
     What it leaves of the mode, against no shaper at the same instant, is what the shaper itself does over the sum of the
-    divided amplitudes. Raises BeyondNyquist, and ServoError for a delay of more than MOST_SAMPLES.
+    divided amplitudes. Raises BeyondNyquist, and ServoError for a delay of more than MAX_DELAY_SAMPLES.
     """
     check_period(period_s)
-    rate = rate_1_s(mode)
+    rate = eigenvalue_1_s(mode)
     check_below_nyquist("damped frequency of a shaper's mode", rate.imag, period_s, "sample faster")
     check_range(
-        "samples of delay", float(shaper.times_s[-1] / period_s), 0.0, MOST_SAMPLES, "sample slower"
+        "samples of delay",
+        float(shaper.times_s[-1] / period_s),
+        0.0,
+        MAX_DELAY_SAMPLES,
+        "sample slower",
     )
-    line = _divided(shaper, rate, period_s)
+    line = _split_impulses(shaper, rate, period_s)
     total = float(line.sum())
-    if not total > LEAST_SUM:
+    if not total > MIN_AMPLITUDE_SUM:
         raise BeyondNyquist(
-            f"impulses of both signs on samples of {period_s:g} s sum to {total:.4g}; must be > {LEAST_SUM:g}: sample faster, "
+            f"impulses of both signs on samples of {period_s:g} s sum to {total:.4g}; must be > {MIN_AMPLITUDE_SUM:g}: sample faster, "
             "or take zv, which has no negative ones"
         )
     swings = np.abs(line) * np.exp(-rate.real * period_s * np.arange(line.size))
@@ -98,7 +106,7 @@ def on_grid(shaper: Shaper, mode: PolePair, period_s: float) -> Shaper:
     return Shaper(line[kept] / total, period_s * kept.astype(np.float64))
 
 
-def _divided(shaper: Shaper, rate_1_s: complex, period_s: float) -> FloatArray:
+def _split_impulses(shaper: Shaper, rate_1_s: complex, period_s: float) -> FloatArray:
     """An amplitude for every sample up to the one after the last impulse."""
     decay, w = rate_1_s.real, rate_1_s.imag
     samples = shaper.times_s / period_s  # (n,)
@@ -117,7 +125,7 @@ def _divided(shaper: Shaper, rate_1_s: complex, period_s: float) -> FloatArray:
 
 def analyse_shaper(shaper: Shaper, mode: PolePair) -> ShaperFacts:
     """Of any shaper, on the samples or not, at one mode. Raises ServoError for a mode that does not swing."""
-    rate = rate_1_s(mode)
+    rate = eigenvalue_1_s(mode)
     width = insensitivity(lambda _: shaper, rate)
     return ShaperFacts(float(residual(shaper, rate)), width, float(shaper.times_s[-1]))
 
@@ -129,15 +137,15 @@ class ShapedSetpoint:
     """
 
     def __init__(self, shaper: Shaper, period_s: float) -> None:
-        """For a shaper of design() or on_grid() with this sample time. Raises ServoError for impulses between samples."""
+        """For a shaper of design_shaper() or place_on_samples() with this sample time. Raises ServoError for impulses between samples."""
         check_period(period_s)
         samples = shaper.times_s / period_s
         delays = np.rint(samples).astype(np.intp)
         off = int(np.argmax(np.abs(samples - delays)))
-        if not abs(samples[off] - delays[off]) <= OFF_GRID:
+        if not abs(samples[off] - delays[off]) <= SAMPLE_TOLERANCE:
             raise ServoError(
                 f"times_s = {shaper.times_s[off]} of impulse {off} is {samples[off]:.6f} samples of {period_s:g} s; "
-                "must be a whole number: design the shaper for this sample time, or put it there with on_grid"
+                "must be a whole number: design the shaper for this sample time, or put it there with place_on_samples"
             )
         self._taps: list[tuple[float, int]] = list(
             zip(shaper.amplitudes.tolist(), delays.tolist(), strict=True)

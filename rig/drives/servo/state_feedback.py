@@ -17,13 +17,13 @@ import numpy as np
 
 from planners.trajectories.pieces import ComplexArray, FloatArray
 from rig.drives.servo.block import check_period
-from rig.drives.servo.controllability import Units, check_controllable, own_units
-from rig.drives.servo.errors import PolesOutOfReach, ServoError, check_below_nyquist, check_range
+from rig.drives.servo.controllability import Units, check_controllable, joint_units
+from rig.drives.servo.errors import PolesNotAssignable, ServoError, check_below_nyquist, check_range
 from rig.drives.servo.loops import LoopAnalysis, analyse_loop
-from rig.drives.servo.riccati import least_cost
+from rig.drives.servo.riccati import lq_gains
 from rig.drives.servo.two_mass import TwoMass
 
-SETTLING = (
+MIN_DECAY_REL = (
     1e-9  # real part of the slowest pole to be had, as a share of the fastest: below it is rounding
 )
 MAX_SAMPLED_ENTRY = 1e9  # of A period in sample units: the exponential of a larger one is rounding in its seventh digit
@@ -58,7 +58,7 @@ class Feedback:
         f, g = augmented(joint)
         return np.asarray(np.linalg.eigvals(f + np.outer(g, self.row)), dtype=np.complex128)
 
-    def facts(self, joint: TwoMass) -> LoopAnalysis:
+    def analyse(self, joint: TwoMass) -> LoopAnalysis:
         """With every state measured: opened at the motor's torque, closed from reference to motor angle."""
         import control
 
@@ -71,7 +71,7 @@ class Feedback:
         """The gains that give the sampled joint, its torque held, the same poles, at exp(pole period), with
         xI += period (reference - qm): no sample time makes it unstable. They tend to these as the period shrinks.
 
-        Raises PolesOutOfReach for poles beyond half the sampling, BeyondNyquist for a joint that swings faster than that.
+        Raises PolesNotAssignable for poles beyond half the sampling, BeyondNyquist for a joint that swings faster than that.
         """
         f, g = sampled_joint(joint, period_s)
         delta, column = np.zeros((5, 5)), np.append(g / period_s, 0.0)
@@ -95,7 +95,7 @@ def augmented(joint: TwoMass) -> tuple[FloatArray, FloatArray]:
 
 def augmented_units(joint: TwoMass) -> Units:
     """The joint's own units, and rad times the unit of time for the integral."""
-    units = own_units(joint)
+    units = joint_units(joint)
     return Units(np.append(units.states, 1.0 / units.rate_1_s), units.rate_1_s)
 
 
@@ -140,7 +140,7 @@ def assign(
 ) -> Feedback:
     """Gains that give the joint with its integrator these five poles.
 
-    Raises NotReachable, and PolesOutOfReach for poles that are not conjugate, not five, not in the left half plane, or, with a
+    Raises NotControllable, and PolesNotAssignable for poles that are not conjugate, not five, not in the left half plane, or, with a
     sample time, beyond half the sampling.
     """
     f, g = augmented(joint)
@@ -154,7 +154,7 @@ def lq(
 ) -> Feedback:
     """Gains that minimise the integral of sum_i weights_i z_i^2 + torque_weight u^2 (source 001, optimal LQ control).
 
-    Raises NotReachable; ServoError unless weights (5,) are >= 0 and finite with that of the integral > 0, else the integral
+    Raises NotControllable; ServoError unless weights (5,) are >= 0 and finite with that of the integral > 0, else the integral
     costs nothing and nothing would bring it home, and for weights so far apart that rounding decides the gains.
     """
     q = np.asarray(weights, dtype=np.float64)
@@ -169,7 +169,7 @@ def lq(
     check_controllable(f, g, units)
     given = f"weights = {q.tolist()}, torque_weight = {torque_weight}"
     return _feedback(
-        -least_cost(
+        -lq_gains(
             f, g, np.diag(q), torque_weight, units, given, "bring the weights closer together"
         )
     )
@@ -178,25 +178,25 @@ def lq(
 def check_poles(
     poles_1_s: Sequence[complex] | ComplexArray, count: int, period_s: float | None = None
 ) -> ComplexArray:
-    """The poles as an array. Raises PolesOutOfReach for those that no real gains assign, that are unstable, or that are too
+    """The poles as an array. Raises PolesNotAssignable for those that no real gains assign, that are unstable, or that are too
     fast for a sample time."""
     wanted = np.asarray(poles_1_s, dtype=np.complex128)
     if wanted.shape != (count,):
-        raise PolesOutOfReach(
+        raise PolesNotAssignable(
             f"poles of shape {wanted.shape}; must be ({count},), one a state: add or leave out some"
         )
-    least_1_s = -SETTLING * float(np.max(np.abs(wanted)))
+    least_1_s = -MIN_DECAY_REL * float(np.max(np.abs(wanted)))
     for pole in wanted.tolist():
         if not (math.isfinite(abs(pole)) and pole.real < least_1_s):
-            raise PolesOutOfReach(
+            raise PolesNotAssignable(
                 f"a pole at {pole:.6g} 1/s; must be finite, its real part < {least_1_s:.3g}: it would not settle"
             )
         if _count(wanted, pole.conjugate()) != _count(wanted, pole):
-            raise PolesOutOfReach(
+            raise PolesNotAssignable(
                 f"a pole at {pole:.6g} 1/s without its conjugate; must come in pairs: real gains know no others"
             )
         if period_s is not None and not abs(pole) < math.pi / period_s:
-            raise PolesOutOfReach(
+            raise PolesNotAssignable(
                 f"a pole at {pole:.6g} 1/s with a sample time of {period_s:g} s; its size must be < {math.pi / period_s:.6g}, "
                 "half the sampling: ask for slower ones or sample faster"
             )
@@ -226,7 +226,7 @@ def assign_eigenvalues(
 
 
 def _count(poles_1_s: ComplexArray, pole: complex) -> int:
-    return int(np.sum(np.abs(poles_1_s - pole) <= SETTLING * abs(pole)))
+    return int(np.sum(np.abs(poles_1_s - pole) <= MIN_DECAY_REL * abs(pole)))
 
 
 def _feedback(row: Any) -> Feedback:

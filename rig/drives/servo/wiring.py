@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planners.trajectories.pieces import ComplexArray
-from rig.drives.servo.loops import LoopAnalysis, analyse_loop, continuous
+from rig.drives.servo.loops import LoopAnalysis, analyse_loop, continuous_equivalents
 from rig.drives.servo.two_mass import TwoMass
 
 SETPOINT = ["setpoint_angle", "setpoint_speed", "setpoint_acceleration"]
@@ -16,7 +16,7 @@ TORQUES = [
     "load_torque",
 ]  # disturbances of every loop, at the motor's side of the gear
 STATES = ["motor_angle", "motor_speed", "load_angle", "load_speed"]
-HIDDEN = 1e-7  # a mode that the setpoint reaches less than this (1 = fully) is cancelled
+CANCELLED_REL = 1e-7  # a mode that the setpoint reaches less than this (1 = fully) is cancelled
 
 
 class ControlLoop(NamedTuple):
@@ -32,17 +32,17 @@ class ControlLoop(NamedTuple):
     output: str
 
     @property
-    def facts(self) -> LoopAnalysis:
+    def analysis(self) -> LoopAnalysis:
         """Poles (hidden ones too), zeros of the main channel, margins at the plant's input, condition of the eigenvectors."""
         return analyse_loop(self.opened, self.closed[self.output, self.setpoint])
 
     @property
-    def shown_poles_1_s(self) -> ComplexArray:
+    def controllable_poles_1_s(self) -> ComplexArray:
         """Those that the setpoint reaches."""
         return self._poles(hidden=False)
 
     @property
-    def hidden_poles_1_s(self) -> ComplexArray:
+    def cancelled_poles_1_s(self) -> ComplexArray:
         """Those that a notch cancels: the setpoint never moves them, a disturbance does (Popov-Belevitch-Hautus test)."""
         return self._poles(hidden=True)
 
@@ -54,8 +54,8 @@ class ControlLoop(NamedTuple):
         push = self.closed.B[:, column] / np.diag(scale)
         found, left = np.linalg.eig(balanced.T)
         reach = np.abs(left.T @ push) / np.linalg.norm(push)
-        kept = np.asarray(found[(reach < HIDDEN) == hidden], dtype=np.complex128)
-        return continuous(kept, self.closed.dt)
+        kept = np.asarray(found[(reach < CANCELLED_REL) == hidden], dtype=np.complex128)
+        return continuous_equivalents(kept, self.closed.dt)
 
 
 def position_loop(joint: TwoMass, controller: list[Any], period_s: float = 0.0) -> ControlLoop:

@@ -14,10 +14,10 @@ from rig.drives.servo.wiring import position_loop
 from rig.errors import ConfigError
 from rig.studies.servo import bench
 from rig.studies.servo.controllers import CONTROLLERS, Drive
-from rig.studies.servo.move_on_bench import MoveMetrics, Recording, outcome, run
+from rig.studies.servo.move_on_bench import MoveMetrics, Recording, move_metrics, run_move
 from rig.studies.servo.spec import ServoSpec
 
-MOST_SAMPLES = 2_000_000  # some minutes
+MAX_SAMPLES = 2_000_000  # some minutes
 UNPUBLISHED_NOTE = (
     "Source 001 publishes the joint's constants and the moves; its gains are not published and its traces are lost: the gains",
     "here are ours, so it is the ranking that is comparable. Its PID feeds the speed ahead, as pid does; lqg feeds the torque",
@@ -28,16 +28,16 @@ UNPUBLISHED_NOTE = (
 class ControllerRun(NamedTuple):
     """One run."""
 
-    truth: str
+    plant_variant: str
     move: int  # from 1
     title: str
     controller: str
-    late_s: float  # by which the controller is meant to be later
+    delay_s: float  # by which the controller is meant to be later
     outcome: MoveMetrics
     recording: Recording
 
 
-def built(spec: ServoSpec, controllers: Sequence[str]) -> dict[str, Drive]:
+def build_drives(spec: ServoSpec, controllers: Sequence[str]) -> dict[str, Drive]:
     """By name. Raises PlanError for a controller nobody knows, ServoError for gains that cannot be had."""
     for name in controllers:
         if name not in CONTROLLERS:
@@ -45,12 +45,12 @@ def built(spec: ServoSpec, controllers: Sequence[str]) -> dict[str, Drive]:
     return {name: CONTROLLERS[name](spec) for name in controllers}
 
 
-def designs(spec: ServoSpec, drives: Mapping[str, Drive]) -> dict[str, LoopAnalysis]:
+def analyse_drives(spec: ServoSpec, drives: Mapping[str, Drive]) -> dict[str, LoopAnalysis]:
     """Every controller's sampled loop around the joint that is believed in: opened at the motor's torque, closed from the
     setpoint's angle to the motor's.
     """
     return {
-        name: position_loop(spec.joint, [drive.loop], spec.drive.period_s).facts
+        name: position_loop(spec.joint, [drive.loop], spec.drive.period_s).analysis
         for name, drive in drives.items()
     }
 
@@ -63,7 +63,7 @@ def compare(
     Raises ConfigError, before the first run, for a truth that the file has not or that is none, and for too much work.
     """
     paths = [move.trajectory(spec.model.gear_ratio) for move in spec.move]
-    tables = {truth: spec.truth_tables(truth) for truth in truths}
+    tables = {truth: spec.plant_variant_tables(truth) for truth in truths}
     bench.elastic_joint(spec.bench, spec.seed)
     for truth in truths:
         bench.elastic_joint(tables[truth], spec.seed, f"truth.{truth}")
@@ -85,19 +85,19 @@ def _run(
     drive: Drive,
 ) -> ControllerRun:
     drive.controller.reset()
-    recording = run(
+    recording = run_move(
         bench.elastic_joint(table, spec.seed),
         drive.controller,
         path,
         spec.model.gear_ratio,
         spec.drive.period_s,
         rest_s=spec.rest_s,
-        watch_s=drive.late_s + spec.watch_s,
+        watch_s=drive.delay_s + spec.watch_s,
     )
     limit = min(spec.drive.torque_limit_n_m, table.get("torque_limit_n_m", math.inf))
-    found = outcome(recording, drive.late_s, limit)
+    found = move_metrics(recording, drive.delay_s, limit)
     return ControllerRun(
-        truth, move + 1, spec.move[move].title, name, drive.late_s, found, recording
+        truth, move + 1, spec.move[move].title, name, drive.delay_s, found, recording
     )
 
 
@@ -105,11 +105,11 @@ def _check_work(spec: ServoSpec, truths: Sequence[str], drives: Mapping[str, Dri
     """Raises ConfigError for more samples than anybody waits for."""
     around = spec.rest_s + spec.watch_s
     seconds = len(truths) * sum(
-        around + move.time_s + drive.late_s for move in spec.move for drive in drives.values()
+        around + move.time_s + drive.delay_s for move in spec.move for drive in drives.values()
     )
-    samples, slower_s = seconds / spec.drive.period_s, seconds / MOST_SAMPLES
-    if samples > MOST_SAMPLES:
+    samples, slower_s = seconds / spec.drive.period_s, seconds / MAX_SAMPLES
+    if samples > MAX_SAMPLES:
         raise ConfigError(
             f"[drive] period_s = {spec.drive.period_s:g} makes {samples:.3g} samples of {seconds:.3g} s on the bench; must be "
-            f"<= {MOST_SAMPLES:.0g}, some minutes: sample every {slower_s:.2g} s or slower, or name fewer truths or controllers"
+            f"<= {MAX_SAMPLES:.0g}, some minutes: sample every {slower_s:.2g} s or slower, or name fewer truths or controllers"
         )

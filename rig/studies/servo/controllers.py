@@ -14,12 +14,12 @@ from rig.drives.servo.disturbance_observer import Compensated, DisturbanceObserv
 from rig.drives.servo.errors import ServoError
 from rig.drives.servo.estimator import Estimator, Noise, SampledEstimator, sampled_kalman
 from rig.drives.servo.estimator import assign as assign_estimator
-from rig.drives.servo.feed_forward import LoadFilter, least_degree
-from rig.drives.servo.loops import PolePair, swinging
+from rig.drives.servo.feed_forward import LoadFilter, min_relative_degree
+from rig.drives.servo.loops import PolePair, oscillatory_pairs
 from rig.drives.servo.lqg import StateSpaceController
 from rig.drives.servo.notch import Notch
 from rig.drives.servo.setpoint import DriveController, MotorSetpoint
-from rig.drives.servo.shaped_setpoint import ShapedSetpoint, design
+from rig.drives.servo.shaped_setpoint import ShapedSetpoint, design_shaper
 from rig.drives.servo.state_feedback import Feedback, assign, lq
 from rig.drives.servo.wiring import ControlLoop
 from rig.studies.servo.spec import ServoSpec
@@ -33,14 +33,14 @@ class Drive(NamedTuple):
     """
 
     controller: DriveController
-    late_s: float = 0.0
-    within: DriveController | None = None
+    delay_s: float = 0.0
+    loop_controller: DriveController | None = None
     note: str = ""
 
     @property
     def loop(self) -> Any:
         """The system (see Controller) that closes the loop."""
-        return (self.within or self.controller).system
+        return (self.loop_controller or self.controller).system
 
 
 class Shaped:
@@ -83,14 +83,14 @@ def pid_notch(spec: ServoSpec) -> Drive:
     """With a notch upstream of the speed loop, on that loop's least damped pair."""
     cascade = _cascade(spec)
     pair = _least_damped("pid_notch", cascade.speed_loop(spec.joint))
-    notch = Notch.tuned_to(pair, spec.helpers.notch_damping)
+    notch = Notch.tuned_to(pair, spec.compensators.notch_damping)
     note = f"a notch at {pair.frequency_rad_s:.1f} rad/s, damping {pair.damping:.3f}, upstream of the speed loop"
     return Drive(CascadeController(cascade, spec.drive.period_s, notch, "upstream"), note=note)
 
 
 def pid_observer(spec: ServoSpec) -> Drive:
     """With a torque disturbance observer that believes in the motor alone."""
-    low_pass = LowPass(time_constant_s=spec.helpers.observer_time_s)
+    low_pass = LowPass(time_constant_s=spec.compensators.observer_time_s)
     observer = ObserverDesign(low_pass=low_pass, nominal=Nominal.motor_alone(spec.joint))
     inner = CascadeController(_cascade(spec), spec.drive.period_s)
     compensated = Compensated(
@@ -98,7 +98,7 @@ def pid_observer(spec: ServoSpec) -> Drive:
     )
     return Drive(
         compensated,
-        note=f"T_f = {1e3 * spec.helpers.observer_time_s:g} ms, the motor alone as nominal",
+        note=f"T_f = {1e3 * spec.compensators.observer_time_s:g} ms, the motor alone as nominal",
     )
 
 
@@ -106,9 +106,9 @@ def pid_shaped(spec: ServoSpec) -> Drive:
     """Behind a shaper for the position loop's least damped pair, which the load shows."""
     cascade, period_s = _cascade(spec), spec.drive.period_s
     pair = _least_damped("pid_shaped", cascade.position_loop(spec.joint))
-    shaper = design(spec.helpers.shaper, [pair], period_s)
+    shaper = design_shaper(spec.compensators.shaper, [pair], period_s)
     inner = CascadeController(cascade, period_s)
-    note = f"{spec.helpers.shaper} for {pair.frequency_rad_s:.1f} rad/s, damping {pair.damping:.3f}, the position loop's own pair"
+    note = f"{spec.compensators.shaper} for {pair.frequency_rad_s:.1f} rad/s, damping {pair.damping:.3f}, the position loop's own pair"
     return Drive(
         Shaped(ShapedSetpoint(shaper, period_s), inner), float(shaper.times_s[-1]), note=note
     )
@@ -131,7 +131,7 @@ def lqg(spec: ServoSpec) -> Drive:
 
 def lqg_ff(spec: ServoSpec) -> Drive:
     """The same with the feed-forward pair C1, C2: the load follows the filter F0."""
-    load_filter = LoadFilter.binomial(least_degree(spec.joint), spec.lqg.corner_rad_s)
+    load_filter = LoadFilter.binomial(min_relative_degree(spec.joint), spec.lqg.corner_rad_s)
     controller = _state_space(spec, *_optimal(spec), "dynamic", load_filter)
     note = f"F0 = 1 / (1 + s / {spec.lqg.corner_rad_s:g})^{load_filter.relative_degree}"
     return Drive(controller, _settling_s(load_filter), lqg(spec).controller, note)
@@ -158,7 +158,9 @@ def _cascade(spec: ServoSpec) -> Cascade:
 
 
 def _least_damped(name: str, loop: ControlLoop) -> PolePair:
-    pair = min(swinging(loop.facts.poles_1_s), key=lambda mode: mode.damping, default=None)
+    pair = min(
+        oscillatory_pairs(loop.analysis.poles_1_s), key=lambda mode: mode.damping, default=None
+    )
     if pair is None:
         raise ServoError(
             f"{name} on a loop that does not swing; must have a pair of complex poles: leave {name} out"

@@ -8,7 +8,7 @@ import msgspec
 
 from planners.errors import unknown_name
 from rig.drives.servo.two_mass import TwoMass
-from rig.studies.servo.spec import load
+from rig.studies.servo.spec import read_spec
 
 JOINTS = (
     "listed",
@@ -22,14 +22,14 @@ def named_joint(name: str, others: tuple[str, ...] = ()) -> TwoMass:
     Raises PlanError for an unknown name, ConfigError for a file that is no comparison, ServoError for a value out of bounds.
     """
     if name in JOINTS:
-        return rig_joint(name)
+        return source_joint(name)
     if name.endswith(".toml"):
-        return load(Path(name)).joint
+        return read_spec(Path(name)).joint
     raise unknown_name("--joint", name, (*JOINTS, *others, "FILE.toml (its [model])"))
 
 
-def rig_joint(name: str) -> TwoMass:
+def source_joint(name: str) -> TwoMass:
     """The harmonic drive: listed, or fitted."""
-    spec = load(None)
+    spec = read_spec(None)
     changes = spec.truth["fitted"] if name == "fitted" else {}
     return TwoMass(**(msgspec.structs.asdict(spec.model) | changes))

@@ -14,9 +14,9 @@ from rig.drives.servo.setpoint import DriveController, MotorSetpoint
 from rig.errors import RunFailed
 
 SETTLED_SPEED_SHARE = 0.01  # of the largest reference speed
-QUIET = 0.2  # of a run's samples after the move: its end, where the torque is that of rest
-AT_LIMIT = 0.999  # of the limit: torque there is limited
-ARRIVED = 0.01  # of the move: a load farther than this from its goal has not arrived
+REST_SHARE = 0.2  # of a run's samples after the move: its end, where the torque is that of rest
+LIMIT_SHARE = 0.999  # of the limit: torque there is limited
+ARRIVED_SHARE = 0.01  # of the move: a load farther than this from its goal has not arrived
 
 
 class Measurement(Protocol):
@@ -96,14 +96,14 @@ class MoveMetrics(NamedTuple):
     speed_error: float  # rms of move and watch against the move as asked, share likewise
     overshoot_deg: float  # of the load beyond the goal
     final_error_deg: float  # of the load beyond the goal, at the end of the watch
-    arrived: bool  # within ARRIVED of the move
+    arrived: bool  # within ARRIVED_SHARE of the move
     peak_torque_n_m: float
     rms_torque_n_m: float  # over the move
     rest_torque_n_m: float  # rms over the end of the watch: what the encoder's steps, or friction, keep the loop doing
     at_limit_s: float  # for how long the torque was all there is
 
 
-def run(
+def run_move(
     bench: JointPlant,
     controller: DriveController,
     trajectory: Trajectory,
@@ -143,12 +143,12 @@ def run(
     )
 
 
-def outcome(
-    recording: Recording, late_s: float = 0.0, torque_limit_n_m: float = math.inf
+def move_metrics(
+    recording: Recording, delay_s: float = 0.0, torque_limit_n_m: float = math.inf
 ) -> MoveMetrics:
-    """Figures of a run whose reference moves, under a controller that is meant to be late_s later, with a torque limit."""
+    """Figures of a run whose reference moves, under a controller that is meant to be delay_s later, with a torque limit."""
     r = recording
-    after, moving = r.t_s >= r.end_s + late_s, (r.t_s >= 0.0) & (r.t_s < r.end_s + late_s)
+    after, moving = r.t_s >= r.end_s + delay_s, (r.t_s >= 0.0) & (r.t_s < r.end_s + delay_s)
     fastest, goal = float(np.abs(r.reference_rad_s).max()), float(r.reference_rad[-1])
     beyond = (r.load_rad - goal) * math.copysign(1.0, goal)
     return MoveMetrics(
@@ -161,14 +161,16 @@ def outcome(
         / fastest,
         overshoot_deg=math.degrees(max(0.0, float(beyond.max()))),
         final_error_deg=math.degrees(float(beyond[-1])),
-        arrived=bool(abs(beyond[-1]) <= ARRIVED * abs(goal)),
+        arrived=bool(abs(beyond[-1]) <= ARRIVED_SHARE * abs(goal)),
         peak_torque_n_m=float(np.abs(r.torque_n_m).max()),
         rms_torque_n_m=float(np.sqrt(np.mean(r.torque_n_m[moving] ** 2))),
         rest_torque_n_m=float(
-            np.sqrt(np.mean(r.torque_n_m[-max(1, int(QUIET * np.count_nonzero(after))) :] ** 2))
+            np.sqrt(
+                np.mean(r.torque_n_m[-max(1, int(REST_SHARE * np.count_nonzero(after))) :] ** 2)
+            )
         ),
         at_limit_s=float(
-            np.count_nonzero(np.abs(r.torque_n_m) >= AT_LIMIT * torque_limit_n_m)
+            np.count_nonzero(np.abs(r.torque_n_m) >= LIMIT_SHARE * torque_limit_n_m)
             * (r.t_s[1] - r.t_s[0])
         ),
     )

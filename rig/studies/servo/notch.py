@@ -11,18 +11,18 @@ import numpy as np
 
 from planners.trajectories.pieces import FloatArray
 from rig.drives.servo.block import check_period
-from rig.drives.servo.cascade import Cascade, Where
+from rig.drives.servo.cascade import Cascade, NotchPlacement
 from rig.drives.servo.errors import ServoError, check_range
-from rig.drives.servo.loops import PolePair, margins, pole_pairs, swinging
+from rig.drives.servo.loops import PolePair, margins, oscillatory_pairs, pole_pairs
 from rig.drives.servo.notch import Notch
 from rig.drives.servo.two_mass import TwoMass
 from rig.drives.servo.wiring import ControlLoop
 
 SETTLED_STEP_SHARE = 0.02  # of the step
-WATCHED = 14.0  # time constants of the slowest pole
+RESPONSE_TIME_CONSTANTS = 14.0  # time constants of the slowest pole
 RESPONSE_POINTS = 10_001  # of a response: what peaks lose between samples is 1e-4 of them
-DETUNED = 0.1, 10.0
-UNDAMPED = 1e-9  # damping of a pair that is as good as none
+DETUNE_RANGE = 0.1, 10.0
+MIN_PAIR_DAMPING = 1e-9  # damping of a pair that is as good as none
 UNPUBLISHED_NOTE = (
     "Source 001 gives the joint and the gains of its example, and where the notch lies; the numbers of its figures are lost. "
     "Inferred, not published: that gains are in shares of ω_z and of the rigid inertia Jm + Jlr; the damping of the notch's "
@@ -42,7 +42,7 @@ class NotchTask:
     def __post_init__(self) -> None:
         self.joint.check_elastic()
         pair = _least_damped(self.joint.poles_1_s)
-        if pair.damping < UNDAMPED:
+        if pair.damping < MIN_PAIR_DAMPING:
             raise ServoError(
                 f"the joint's pair at {pair.frequency_rad_s:.6g} rad/s is undamped; must be damped, or it swings on for ever "
                 "behind a notch inside the speed loop: raise --damping, or elastic_damping_n_m_s_rad in the file"
@@ -50,7 +50,7 @@ class NotchTask:
         speed = self.gains.speed_loop(self.joint)
         if not _settles(speed):
             raise self.unsettled(speed, "no notch")
-        if not swinging(speed.shown_poles_1_s):
+        if not oscillatory_pairs(speed.controllable_poles_1_s):
             raise ServoError(
                 f"--speed-loop {self.speed_share:.6g} leaves a speed loop without a pair of poles; must leave one for the "
                 "upstream notch: raise or lower it"
@@ -73,12 +73,12 @@ class NotchTask:
         check_range(
             "--detune",
             factor,
-            *DETUNED,
+            *DETUNE_RANGE,
             "1 is a notch that is right, 0.9 one that lies 10 % too low",
         )
         pairs = {
             "inside": self.joint.poles_1_s,
-            "upstream": self.gains.speed_loop(self.joint).shown_poles_1_s,
+            "upstream": self.gains.speed_loop(self.joint).controllable_poles_1_s,
         }
         return {where: self._notch(_least_damped(poles), factor) for where, poles in pairs.items()}
 
@@ -201,7 +201,9 @@ def step_response(loop: ControlLoop, source: str, time_s: float | None = None) -
         raise ServoError(
             f"a loop with {_worst(loop)}; must be damped to settle: change the gains, or damp the joint"
         )
-    t = np.linspace(0.0, WATCHED / slowest if time_s is None else time_s, RESPONSE_POINTS)
+    t = np.linspace(
+        0.0, RESPONSE_TIME_CONSTANTS / slowest if time_s is None else time_s, RESPONSE_POINTS
+    )
     system = loop.closed[["load_angle", "load_speed"], source]
     angle, speed = np.hstack([system.C, system.D]) @ _states(system, float(t[1]))
     return Response(t, angle, speed)
@@ -223,7 +225,7 @@ def _states(system: Any, period_s: float) -> FloatArray:
 
 
 def _placement(task: NotchTask, notch: Notch | None, name: str) -> Placement:
-    where: Where = "upstream" if name == "upstream" else "inside"
+    where: NotchPlacement = "upstream" if name == "upstream" else "inside"
     speed = task.gains.speed_loop(task.joint, notch if where == "inside" else None)
     position = task.gains.position_loop(task.joint, notch, where)
     return Placement(
@@ -276,7 +278,7 @@ def _worst(loop: ControlLoop) -> str:
 
 def _row(placement: Placement, factor: float) -> NotchRow:
     name, notch, speed, position, position_opened = placement
-    inner, outer = speed.facts.margins, margins(position_opened)
+    inner, outer = speed.analysis.margins, margins(position_opened)
     motor, load = (step_response(position, source) for source in ("motor_torque", "load_torque"))
     step = step_response(position, "setpoint_angle")
     peak = float(np.abs(step.speed_rad_s).max())
@@ -285,12 +287,12 @@ def _row(placement: Placement, factor: float) -> NotchRow:
         name=name,
         factor=factor,
         notch=notch,
-        speed_modes=pole_pairs(speed.shown_poles_1_s),
-        position_modes=pole_pairs(position.shown_poles_1_s),
-        hidden=pole_pairs(position.hidden_poles_1_s),
-        phase_margin_deg=inner.phase_deg,
+        speed_modes=pole_pairs(speed.controllable_poles_1_s),
+        position_modes=pole_pairs(position.controllable_poles_1_s),
+        hidden=pole_pairs(position.cancelled_poles_1_s),
+        phase_margin_deg=inner.phase_margin_deg,
         crossover_rad_s=inner.crossover_rad_s,
-        position_margin_deg=outer.phase_deg,
+        position_margin_deg=outer.phase_margin_deg,
         position_crossover_rad_s=outer.crossover_rad_s,
         motor_step_variation=motor.variation_rad_s,
         load_step_variation=load.variation_rad_s,
@@ -314,4 +316,6 @@ def _passed(system: Any, omega_rad_s: float) -> float:
 
 
 def _least_damped(poles_1_s: Any) -> PolePair:
-    return min(swinging(poles_1_s), key=lambda mode: mode.damping, default=PolePair(math.inf, 1.0))
+    return min(
+        oscillatory_pairs(poles_1_s), key=lambda mode: mode.damping, default=PolePair(math.inf, 1.0)
+    )

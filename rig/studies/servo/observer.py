@@ -15,16 +15,16 @@ import numpy as np
 from planners.trajectories.pieces import ComplexArray, FloatArray
 from rig.drives.servo.disturbance_design import LowPass, Nominal, ObserverDesign, Place, Ratio
 from rig.drives.servo.errors import ServoError, check_datum
-from rig.drives.servo.loops import PolePair, pole_pairs, swinging
+from rig.drives.servo.loops import PolePair, oscillatory_pairs, pole_pairs
 from rig.drives.servo.two_mass import TwoMass
 
 TIME_CONSTANTS_S = (1e-9, 1e-4, 5e-4, 1e-3, 2e-3, 5e-3, 2e-2, 1e9)
-LOW = 0.01  # times omega_z: a frequency that counts as low
-PERIODS = 12.0  # of omega_z: how long a response is watched
+LOW_FREQUENCY_SHARE = 0.01  # times omega_z: a frequency that counts as low
+RESPONSE_PERIODS = 12.0  # of omega_z: how long a response is watched
 RESPONSE_POINTS = 6001  # of a response
-SPREAD = 1e4  # a filter this much faster or slower than the joint is at its limit
-GRID = 800  # time constants tried between those limits
-LEAVES = 1e-3  # of its damping: a change that is none
+TIME_CONSTANT_SPREAD = 1e4  # a filter this much faster or slower than the joint is at its limit
+GRID_POINTS = 800  # time constants tried between those limits
+UNCHANGED_REL = 1e-3  # of its damping: a change that is none
 Effect = Literal["excites", "leaves", "damps", "unstable"]
 Interval = tuple[float, float]  # of time constants [s], from 0 or to inf at the limits
 INFERRED_NOTES = {
@@ -79,31 +79,31 @@ class ObserverTask:
         return Nominal.elastic(self.joint)
 
     @property
-    def bare(self) -> PolePair:
+    def joint_pair(self) -> PolePair:
         """The joint's own least damped pair."""
-        return min(swinging(self.joint.poles_1_s), key=lambda mode: mode.damping)
+        return min(oscillatory_pairs(self.joint.poles_1_s), key=lambda mode: mode.damping)
 
     @property
-    def calmest_excited(self) -> float:
+    def excitation_limit(self) -> float:
         """A damping below tells that the observer excites: neither the joint nor Q has it alone."""
         alone = min(mode.damping for mode in pole_pairs(_roots(self.low_pass(1.0).denominator)))
-        return (1.0 - LEAVES) * min(self.bare.damping, alone)
+        return (1.0 - UNCHANGED_REL) * min(self.joint_pair.damping, alone)
 
     def effect(self, damping: float) -> Effect:
         """Of an observer that leaves this least damping: more than the joint's damps, less than the joint's and Q's excites."""
         if damping < 0.0:
             return "unstable"
-        if damping < self.calmest_excited:
+        if damping < self.excitation_limit:
             return "excites"
-        return "damps" if damping > (1.0 + LEAVES) * self.bare.damping else "leaves"
+        return "damps" if damping > (1.0 + UNCHANGED_REL) * self.joint_pair.damping else "leaves"
 
     @property
-    def locked(self) -> PolePair:
+    def locked_rotor_pair(self) -> PolePair:
         """How the load swings while the motor stands; damping 1 where it does not."""
         return pole_pairs(_roots(self.joint.motor_numerator))[0]
 
 
-class Course(NamedTuple):
+class SpeedResponse(NamedTuple):
     """The load's speed after a step of torque, at the motor's side of the gear; (N,) each."""
 
     t_s: FloatArray
@@ -115,7 +115,7 @@ class Course(NamedTuple):
         return float(np.abs(self.speed_rad_s).max())
 
     @property
-    def rings(self) -> float:
+    def oscillation_index(self) -> float:
         """Total variation beyond up to the peak and on to the end, over that."""
         peak = self.speed_rad_s[int(np.abs(self.speed_rad_s).argmax())]
         least = float(abs(peak) + abs(peak - self.speed_rad_s[-1]))
@@ -126,7 +126,7 @@ class Rejection(NamedTuple):
     """One nominal at one time constant. Speeds of the load per N m, at the motor's side; NaN where it is not stable."""
 
     least_damped: PolePair  # of the poles that a torque on the motor moves, Q's included
-    low: float  # |speed over torque on the motor| at LOW omega_z, over that without observer
+    low: float  # |speed over torque on the motor| at LOW_FREQUENCY_SHARE omega_z, over that without observer
     peak_rad_s_n_m: float  # the largest of all frequencies
     motor_step_peak_rad_s: float
     motor_step_rings: float
@@ -154,7 +154,7 @@ class ObserverRow(NamedTuple):
     )  # the pair that H_f as source 001 prints it, for the first order, would have
 
 
-class Turns(NamedTuple):
+class TimeConstantRanges(NamedTuple):
     """Over which time constants the rigid nominal excites, and which damps most."""
 
     excited: tuple[Interval, ...]  # less damped than the joint and Q, unstable ones included
@@ -163,39 +163,47 @@ class Turns(NamedTuple):
     best: PolePair  # least damped there
 
 
-def study(task: ObserverTask) -> tuple[ObserverRow, ...]:
+def observer_rows(task: ObserverTask) -> tuple[ObserverRow, ...]:
     """All time constants, shortest first."""
     return tuple(_row(task, time_constant_s) for time_constant_s in sorted(task.time_constants_s))
 
 
-def without(task: ObserverTask) -> Rejection:
+def without_observer(task: ObserverTask) -> Rejection:
     """The joint alone."""
-    return _rejection(task, task.bare, _alone(task.joint, "motor"), _alone(task.joint, "load"))
+    return _rejection(
+        task, task.joint_pair, _alone(task.joint, "motor"), _alone(task.joint, "load")
+    )
 
 
-def damping(task: ObserverTask, time_constant_s: float) -> float:
+def least_damping(task: ObserverTask, time_constant_s: float) -> float:
     """The least under the rigid nominal, Q's included; 1 where nothing swings."""
     return task.design(task.rigid, time_constant_s).least_damped(task.joint).damping
 
 
-def turns(task: ObserverTask) -> Turns:
-    """Over time constants from the joint's 1 / omega_z / SPREAD to SPREAD / omega_z."""
+def time_constant_ranges(task: ObserverTask) -> TimeConstantRanges:
+    """Over time constants from the joint's 1 / omega_z / TIME_CONSTANT_SPREAD to TIME_CONSTANT_SPREAD / omega_z."""
     from scipy.optimize import minimize_scalar
 
     centre = -math.log(task.joint.antiresonance_rad_s)
-    grid = np.linspace(centre - math.log(SPREAD), centre + math.log(SPREAD), GRID)
-    found = np.array([damping(task, float(np.exp(x))) for x in grid])
+    grid = np.linspace(
+        centre - math.log(TIME_CONSTANT_SPREAD),
+        centre + math.log(TIME_CONSTANT_SPREAD),
+        GRID_POINTS,
+    )
+    found = np.array([least_damping(task, float(np.exp(x))) for x in grid])
     top = int(found.argmax())
-    ends = grid[max(top - 1, 0)], grid[min(top + 1, GRID - 1)]
+    ends = grid[max(top - 1, 0)], grid[min(top + 1, GRID_POINTS - 1)]
     best = float(
         np.exp(
             minimize_scalar(
-                lambda x: -damping(task, float(np.exp(x))), bounds=ends, method="bounded"
+                lambda x: -least_damping(task, float(np.exp(x))), bounds=ends, method="bounded"
             ).x
         )
     )
-    excited, unstable = (_below(task, level, grid, found) for level in (task.calmest_excited, 0.0))
-    return Turns(excited, unstable, best, task.design(task.rigid, best).least_damped(task.joint))
+    excited, unstable = (_below(task, level, grid, found) for level in (task.excitation_limit, 0.0))
+    return TimeConstantRanges(
+        excited, unstable, best, task.design(task.rigid, best).least_damped(task.joint)
+    )
 
 
 def _below(
@@ -208,7 +216,11 @@ def _below(
     crossed = np.flatnonzero(below[1:] != below[:-1])
     ends = [
         float(
-            np.exp(brentq(lambda x: damping(task, float(np.exp(x))) - level, grid[k], grid[k + 1]))
+            np.exp(
+                brentq(
+                    lambda x: least_damping(task, float(np.exp(x))) - level, grid[k], grid[k + 1]
+                )
+            )
         )
         for k in crossed
     ]
@@ -216,9 +228,9 @@ def _below(
     return tuple(zip(ends[::2], ends[1::2], strict=True))
 
 
-def course(
+def torque_step_response(
     task: ObserverTask, nominal: Nominal | None, time_constant_s: float, torque: Place
-) -> Course:
+) -> SpeedResponse:
     """The load's speed after 1 N m on motor or load, exactly; without observer for nominal = None."""
     if nominal is None:
         return _step(task, _alone(task.joint, torque))
@@ -239,7 +251,9 @@ def printed_poles_1_s(joint: TwoMass, time_constant_s: float) -> ComplexArray:
 
 def _row(task: ObserverTask, time_constant_s: float) -> ObserverRow:
     stiff, stiff_low = _stiff(task, time_constant_s)
-    printed = swinging(printed_poles_1_s(task.joint, time_constant_s)) if task.order == 1 else ()
+    printed = (
+        oscillatory_pairs(printed_poles_1_s(task.joint, time_constant_s)) if task.order == 1 else ()
+    )
     return ObserverRow(
         time_constant_s=time_constant_s,
         rigid=_observed(task, task.design(task.rigid, time_constant_s)),
@@ -263,23 +277,23 @@ def _rejection(task: ObserverTask, least_damped: PolePair, motor: Ratio, load: R
         return Rejection(least_damped, *[math.nan] * 6)
     omega = task.joint.antiresonance_rad_s
     grid = omega * np.logspace(-3.0, 2.0, 4001)
-    low = np.array([LOW * omega])
+    low = np.array([LOW_FREQUENCY_SHARE * omega])
     bare = np.abs(_alone(task.joint, "motor").at(low))[0]
     steps = _step(task, motor), _step(task, load)
     return Rejection(
         least_damped,
         float(np.abs(motor.at(low))[0] / bare),
         float(np.abs(motor.at(grid)).max()),
-        *(figure for step in steps for figure in (step.peak_rad_s, step.rings)),
+        *(figure for step in steps for figure in (step.peak_rad_s, step.oscillation_index)),
     )
 
 
 def _stiff(task: ObserverTask, time_constant_s: float) -> tuple[PolePair, float]:
-    """Least damped pole, and rejection at LOW omega_z: (1 / Q - 1) P^-1 + Pn^-1 with P = 1 / ((Jm + Jlr) s + Dm + Dlr)."""
+    """Least damped pole, and rejection at LOW_FREQUENCY_SHARE omega_z: (1 / Q - 1) P^-1 + Pn^-1 with P = 1 / ((Jm + Jlr) s + Dm + Dlr)."""
     body = np.array([task.joint.rigid_inertia_kg_m2, task.joint.rigid_friction_n_m_s_rad])
     high = np.append(task.low_pass(time_constant_s).denominator[:-1], 0.0)  # 1 / Q - 1
     whole = np.polyadd(np.polymul(high, body), task.rigid.denominator)
-    s = 1j * LOW * task.joint.antiresonance_rad_s
+    s = 1j * LOW_FREQUENCY_SHARE * task.joint.antiresonance_rad_s
     low = abs(np.polyval(high, s) * np.polyval(body, s) / np.polyval(whole, s))
     least = min(pole_pairs(_roots(np.asarray(whole))), key=lambda mode: mode.damping)
     return least, float(low) if least.damping >= 0.0 else math.nan
@@ -295,12 +309,14 @@ def _alone(joint: TwoMass, torque: Place) -> Ratio:
     )
 
 
-def _step(task: ObserverTask, ratio: Ratio) -> Course:
+def _step(task: ObserverTask, ratio: Ratio) -> SpeedResponse:
     """By residues: all poles are single, as those of Q are, but for one at 0 without friction, which makes a ramp of a step.
 
     Of a stable loop, or it grows beyond all numbers.
     """
-    t = np.linspace(0.0, PERIODS * 2.0 * np.pi / task.joint.antiresonance_rad_s, RESPONSE_POINTS)
+    t = np.linspace(
+        0.0, RESPONSE_PERIODS * 2.0 * np.pi / task.joint.antiresonance_rad_s, RESPONSE_POINTS
+    )
     above, below, ramp = ratio.numerator, ratio.denominator, 0.0
     if below[-1] == 0.0:  # N / (s D) / s = ramp / s^2 + (N - ramp D) / s / (s D)
         below = below[:-1]
@@ -309,7 +325,7 @@ def _step(task: ObserverTask, ratio: Ratio) -> Course:
     below = np.append(below, 0.0)  # times 1 / s
     poles = np.roots(below)
     residues = np.polyval(above, poles) / np.polyval(np.polyder(below), poles)
-    return Course(t, np.asarray(ramp * t + (np.exp(np.outer(t, poles)) @ residues).real))
+    return SpeedResponse(t, np.asarray(ramp * t + (np.exp(np.outer(t, poles)) @ residues).real))
 
 
 def _roots(polynomial: FloatArray) -> ComplexArray:

@@ -21,16 +21,16 @@ from planners.trajectories.trajectory import Trajectory
 from rig.drives.servo.errors import ServoError, check_range
 from rig.drives.servo.loops import PolePair
 from rig.drives.servo.shaped_setpoint import (
-    MOST_DAMPING,
+    MAX_DAMPING,
     ShaperFacts,
     analyse_shaper,
-    design,
-    rate_1_s,
+    design_shaper,
+    eigenvalue_1_s,
 )
 
 UNSHAPED = Shaper(np.ones(1), np.zeros(1))
-MOST_ERROR = 0.9  # of frequency; at 1 there would be no joint
-SMALLEST, LARGEST = 1e-6, 1e6  # frequencies in rad/s, pulses in s
+MAX_FREQUENCY_ERROR = 0.9  # of frequency; at 1 there would be no joint
+MIN_VALUE, MAX_VALUE = 1e-6, 1e6  # frequencies in rad/s, pulses in s
 UNPUBLISHED_NOTE = (
     "Source 001 gives frequency 1 rad/s, damping 0.05 and errors of 10 % and 20 %; the numbers of its figures are lost.",
     "Inferred, not published: the errors as four corners, the pulse of 10 s, the total inertia.",
@@ -56,21 +56,25 @@ class ShapingTask:
         check_range(
             "frequency",
             self.frequency_rad_s,
-            SMALLEST,
-            LARGEST,
+            MIN_VALUE,
+            MAX_VALUE,
             "give the mode's frequency in rad/s",
         )
         check_range(
-            "damping", self.damping, 0.0, MOST_DAMPING, "give the mode's damping ratio, e.g. 0.05"
+            "damping", self.damping, 0.0, MAX_DAMPING, "give the mode's damping ratio, e.g. 0.05"
         )
         check_range(
-            "frequency error", self.frequency_error, 0.0, MOST_ERROR, "give a share, e.g. 0.1"
+            "frequency error",
+            self.frequency_error,
+            0.0,
+            MAX_FREQUENCY_ERROR,
+            "give a share, e.g. 0.1",
         )
         check_range("damping error", self.damping_error, 0.0, 1.0, "give a share, e.g. 0.2")
-        check_range("pulse", self.pulse_s, SMALLEST, LARGEST, "give its length in s")
+        check_range("pulse", self.pulse_s, MIN_VALUE, MAX_VALUE, "give its length in s")
         largest = self.damping * (1.0 + self.damping_error)
         check_range(
-            "damping x (1 + damping error)", largest, 0.0, MOST_DAMPING, "lower one of the two"
+            "damping x (1 + damping error)", largest, 0.0, MAX_DAMPING, "lower one of the two"
         )
         if not self.shapers:
             raise ServoError(
@@ -126,17 +130,19 @@ def robustness(task: ShapingTask) -> tuple[Robustness, ...]:
 def pulse_residuals(task: ShapingTask, shaper: Shaper = UNSHAPED) -> FloatArray:
     """Of the pulse example when the joint is as assumed, then in the four cases: (5,)."""
     return np.array(
-        [pulse(task.pulse_s, shaper, mode).residual for mode in (task.mode, *task.cases)]
+        [pulse_response(task.pulse_s, shaper, mode).residual for mode in (task.mode, *task.cases)]
     )
 
 
-def pulse(pulse_s: float, shaper: Shaper, mode: PolePair, watch_s: float = 0.0) -> PulseResponse:
+def pulse_response(
+    pulse_s: float, shaper: Shaper, mode: PolePair, watch_s: float = 0.0
+) -> PulseResponse:
     """A shaped torque pulse on a two-mass joint whose poles are the mode, and then watch_s, a period at least.
 
     Load over rigid speed is (2 zeta w s + w^2) / (s^2 + 2 zeta w s + w^2) whatever the ratio of the masses: a mass on a spring
     whose foot moves as the rigid joint would. Exact, no step size (source 001, example of two masses).
     """
-    rate = rate_1_s(mode)
+    rate = eigenvalue_1_s(mode)
     chain = MassChain(
         masses_kg=(1.0,), stiffnesses_n_m=(abs(rate) ** 2,), dampings_n_s_m=(-2.0 * rate.real,)
     )
@@ -152,20 +158,20 @@ def pulse(pulse_s: float, shaper: Shaper, mode: PolePair, watch_s: float = 0.0) 
 
 def impulse_response(shaper: Shaper, mode: PolePair, t_s: FloatArray) -> FloatArray:
     """Of w^2 / (s^2 + 2 zeta w s + w^2) to the shaper's impulses, over w: (T,) for times (T,) (source 001)."""
-    rate = rate_1_s(mode)
+    rate = eigenvalue_1_s(mode)
     since_s = np.subtract.outer(t_s, shaper.times_s)  # (T, n)
     waves = np.where(since_s >= 0.0, np.exp(rate * np.maximum(since_s, 0.0)).imag, 0.0)
     return np.asarray(waves @ shaper.amplitudes * (mode.frequency_rad_s / rate.imag))
 
 
 def _robustness(task: ShapingTask, name: str) -> Robustness:
-    shaper = SHAPERS[name](rate_1_s(task.mode))
-    rates = np.array([rate_1_s(case) for case in task.cases])
+    shaper = SHAPERS[name](eigenvalue_1_s(task.mode))
+    rates = np.array([eigenvalue_1_s(case) for case in task.cases])
     sides = (1.0 + task.damping_error, 1.0 - task.damping_error)
     damped = np.array(
-        [rate_1_s(PolePair(task.frequency_rad_s, side * task.damping)) for side in sides]
+        [eigenvalue_1_s(PolePair(task.frequency_rad_s, side * task.damping)) for side in sides]
     )
-    sampled = None if task.period_s is None else design(name, [task.mode], task.period_s)
+    sampled = None if task.period_s is None else design_shaper(name, [task.mode], task.period_s)
     return Robustness(
         name,
         shaper,

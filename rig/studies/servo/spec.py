@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import tomllib
+import warnings
 from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
@@ -15,12 +16,13 @@ from msgspec import Meta
 from planners.laws.trapezoidal import trapezoidal_by_acceleration
 from planners.trajectories.trajectory import Trajectory
 from rig.drives.servo.two_mass import TwoMass
-from rig.errors import ConfigError
-from rig.run.toml_file import Section, convert, nearest, override, read_toml
+from rig.errors import ConfigError, RenamedKey
+from rig.run.toml_file import Section, convert, nearest, override, read_toml, rename_keys
 
 SHIPPED = "source_001"
+NEW_NAMES = {"helpers": "compensators"}  # tables by their old name, which still works
 MIN_MOVE_SAMPLES = 10  # samples of a move
-NEEDED = (
+REQUIRED_KEYS = (
     "motor_inertia_kg_m2",
     "load_inertia_kg_m2",
     "stiffness_n_m_rad",
@@ -133,7 +135,7 @@ class AssignedSection(Section, frozen=True, kw_only=True):
     )
 
 
-class HelpersSection(Section, frozen=True, kw_only=True):
+class CompensatorsSection(Section, frozen=True, kw_only=True):
     """`[helpers]`: what stands beside a P/PI cascade in pid_notch, pid_observer and pid_shaped."""
 
     notch_damping: Share = 1.0  # of the poles it puts in place of the joint's
@@ -154,7 +156,7 @@ class ServoSpec(Section, frozen=True, kw_only=True):
     pid: PidSection = PidSection()
     lqg: LqgSection = LqgSection()
     assigned: AssignedSection = AssignedSection()
-    helpers: HelpersSection = HelpersSection()
+    compensators: CompensatorsSection = CompensatorsSection()
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 1
     rest_s: Annotated[float, Meta(ge=0.01, le=60)] = (
         0.2  # before each move, for the accelerometer's bias; the bench begins here
@@ -174,14 +176,14 @@ class ServoSpec(Section, frozen=True, kw_only=True):
         """The belief. Raises ServoError for a value out of bounds."""
         return TwoMass(**msgspec.structs.asdict(self.model))
 
-    def truth_tables(self, name: str) -> dict[str, Any]:
+    def plant_variant_tables(self, name: str) -> dict[str, Any]:
         """What the bench is made of. Raises ConfigError for a truth that the file has not, or that lacks what any joint has."""
         if name not in self.truth:
             raise ConfigError(
                 f"--truth {name!r}: not in the file{nearest(name, self.truth)}; known: {', '.join(self.truth)}"
             )
         told = FRICTIONLESS | self.bench | self.truth[name]
-        for key in NEEDED:
+        for key in REQUIRED_KEYS:
             if key not in told:
                 raise ConfigError(f"[bench] {key}: missing; add it")
         if told["gear_ratio"] != self.model.gear_ratio:
@@ -192,15 +194,31 @@ class ServoSpec(Section, frozen=True, kw_only=True):
         return told
 
 
-def load(path: Path | None, overrides: Sequence[str] = ()) -> ServoSpec:
+def read_spec(path: Path | None, overrides: Sequence[str] = ()) -> ServoSpec:
     """The shipped comparison or a file, with `section.key=value` overrides.
 
     Raises ConfigError naming section, key, value, bound and the nearest known key.
     """
     tables = read_toml(path, "servo comparison") if path else _shipped()
+    rename_keys(tables, NEW_NAMES)
     for change in overrides:
-        override(tables, change)
+        override(tables, _with_new_name(change))
     return convert(tables, ServoSpec)
+
+
+def _with_new_name(change: str) -> str:
+    """Replace the old name of a table in `section.key=value`, with a RenamedKey warning."""
+    section, dot, rest = change.partition(".")
+    old = section.strip()
+    if old not in NEW_NAMES:
+        return change
+    new = NEW_NAMES[old]
+    warnings.warn(
+        f"--set {old}.{rest}: [{old}] is now called [{new}]; write {new}.{rest}",
+        RenamedKey,
+        stacklevel=2,
+    )
+    return f"{new}{dot}{rest}"
 
 
 def _shipped() -> dict[str, Any]:

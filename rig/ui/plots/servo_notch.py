@@ -63,7 +63,11 @@ def _symbols() -> list[Line2D]:
 
 
 def _shown(row: Placement) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-    return row.speed.shown_poles_1_s, row.position.shown_poles_1_s, row.position.hidden_poles_1_s
+    return (
+        row.speed.controllable_poles_1_s,
+        row.position.controllable_poles_1_s,
+        row.position.cancelled_poles_1_s,
+    )
 
 
 def _poles(panel: Axes, row: Placement, top: float) -> None:

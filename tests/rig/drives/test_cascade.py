@@ -11,7 +11,7 @@ from scipy.linalg import expm
 
 from rig.drives.servo.cascade import Cascade, CascadeController
 from rig.drives.servo.errors import BeyondNyquist, ServoError
-from rig.drives.servo.loops import PolePair, pole_pairs, swinging
+from rig.drives.servo.loops import PolePair, oscillatory_pairs, pole_pairs
 from rig.drives.servo.notch import Notch
 from rig.drives.servo.setpoint import MotorSetpoint
 from rig.drives.servo.two_mass import TwoMass
@@ -24,8 +24,8 @@ JOINT = TwoMass.normalised(
 )
 DRIVE = TwoMass(**FIGURES["drive"])
 GAINS = Cascade.normalised(JOINT)
-INSIDE = Notch.tuned_to(swinging(JOINT.poles_1_s)[-1])
-UPSTREAM = Notch.tuned_to(swinging(GAINS.speed_loop(JOINT).shown_poles_1_s)[-1])
+INSIDE = Notch.tuned_to(oscillatory_pairs(JOINT.poles_1_s)[-1])
+UPSTREAM = Notch.tuned_to(oscillatory_pairs(GAINS.speed_loop(JOINT).controllable_poles_1_s)[-1])
 PLACES = [(None, "inside"), (INSIDE, "inside"), (UPSTREAM, "upstream")]
 
 
@@ -66,13 +66,15 @@ def test_normalised_gains_are_those_of_the_example():
 def test_the_speed_loop_has_the_poles_and_the_margin_of_the_reference():
     for name, notch in (("none", None), ("inside", INSIDE)):
         loop, known = GAINS.speed_loop(JOINT, notch), EXAMPLE[name]
-        shown = pole_pairs(loop.shown_poles_1_s)
+        shown = pole_pairs(loop.controllable_poles_1_s)
         assert [mode.frequency_rad_s for mode in shown] == pytest.approx(
             known["speed_rad_s"], rel=1e-5
         )
         assert [mode.damping for mode in shown] == pytest.approx(known["speed_damping"], abs=1e-5)
-        assert loop.facts.margins.phase_deg == pytest.approx(known["phase_margin_deg"], abs=1e-3)
-    assert GAINS.speed_loop(JOINT).facts.margins.crossover_rad_s == pytest.approx(
+        assert loop.analysis.margins.phase_margin_deg == pytest.approx(
+            known["phase_margin_deg"], abs=1e-3
+        )
+    assert GAINS.speed_loop(JOINT).analysis.margins.crossover_rad_s == pytest.approx(
         EXAMPLE["none"]["crossover_rad_s"], rel=1e-5
     )
 
@@ -80,7 +82,10 @@ def test_the_speed_loop_has_the_poles_and_the_margin_of_the_reference():
 def test_the_position_loop_has_the_poles_of_the_reference_and_hides_the_pair_that_was_cancelled():
     for name, (notch, where) in zip(("none", "inside", "upstream"), PLACES, strict=True):
         loop, known = GAINS.position_loop(JOINT, notch, where), EXAMPLE[name]
-        shown, hidden = pole_pairs(loop.shown_poles_1_s), pole_pairs(loop.hidden_poles_1_s)
+        shown, hidden = (
+            pole_pairs(loop.controllable_poles_1_s),
+            pole_pairs(loop.cancelled_poles_1_s),
+        )
         assert [mode.frequency_rad_s for mode in shown] == pytest.approx(
             known["position_rad_s"], rel=1e-5
         )
@@ -94,13 +99,13 @@ def test_the_position_loop_has_the_poles_of_the_reference_and_hides_the_pair_tha
             assert (frequency, damping) == pytest.approx(
                 (known["hidden_rad_s"], known["hidden_damping"]), rel=1e-5
             )
-        assert len(loop.facts.modes) == len(shown) + len(hidden)
+        assert len(loop.analysis.pole_pairs) == len(shown) + len(hidden)
 
 
 def test_a_notch_beside_the_pair_hides_nothing():
     off = Notch.tuned_to(PolePair(0.9 * INSIDE.frequency_rad_s, INSIDE.numerator_damping))
-    assert GAINS.position_loop(JOINT, off).hidden_poles_1_s.size == 0
-    assert len(pole_pairs(GAINS.position_loop(JOINT, off).shown_poles_1_s)) == 5
+    assert GAINS.position_loop(JOINT, off).cancelled_poles_1_s.size == 0
+    assert len(pole_pairs(GAINS.position_loop(JOINT, off).controllable_poles_1_s)) == 5
 
 
 @pytest.mark.parametrize("filter_s", [0.0, 5e-4])
@@ -154,7 +159,7 @@ def test_the_sampled_loop_tends_to_the_continuous_one():
         for period_s in (4e-5, 1e-5):
             found = position_loop(
                 JOINT, [GAINS.sampled(period_s, notch, where)], period_s
-            ).facts.modes
+            ).analysis.pole_pairs
             near = [
                 min(abs(mode.frequency_rad_s / one.frequency_rad_s - 1.0) for mode in found)
                 for one in right

@@ -20,8 +20,8 @@ from scipy.linalg import (
     solve_discrete_lyapunov,
 )
 
-from rig.drives.servo.controllability import own_units
-from rig.drives.servo.errors import BeyondNyquist, NotObservable, PolesOutOfReach, ServoError
+from rig.drives.servo.controllability import joint_units
+from rig.drives.servo.errors import BeyondNyquist, NotObservable, PolesNotAssignable, ServoError
 from rig.drives.servo.estimator import (
     ENCODER,
     Estimator,
@@ -221,7 +221,7 @@ def test_the_continuous_kalman_filter_has_the_optimal_return_difference_whatever
 
 def test_a_fine_encoder_is_not_lost_in_rounding():
     noise = Noise(encoder_counts_per_rev=2**23, encoder_period_s=1.25e-4)
-    scale, density = own_units(LISTED).states, noise.angle_rad2 * noise.encoder_period_s
+    scale, density = joint_units(LISTED).states, noise.angle_rad2 * noise.encoder_period_s
     a = (
         (LISTED.state_matrix - np.outer(kalman(LISTED, noise).gains, ENCODER))
         * scale
@@ -334,7 +334,7 @@ def test_any_joint_and_noise_has_a_filter_that_settles_or_a_word_why_not(
         encoder_period_s=period_s,
     )
     if continuous := unless_refused(kalman, joint, noise):
-        error = own_units(joint).matrix(joint.state_matrix - np.outer(continuous.gains, ENCODER))
+        error = joint_units(joint).matrix(joint.state_matrix - np.outer(continuous.gains, ENCODER))
         assert np.max(np.linalg.eigvals(error).real) < 0.0
     if sampled := unless_refused(sampled_kalman, joint, noise, period_s):
         assert np.max(sampled.poles_1_s(joint).real) < 0.0
@@ -409,12 +409,12 @@ def test_noise_on_the_motor_alone_is_enough():
     ],
 )
 def test_poles_out_of_reach_are_refused(poles, match):
-    with pytest.raises(PolesOutOfReach, match=match):
+    with pytest.raises(PolesNotAssignable, match=match):
         assign(LISTED, poles, PERIOD_S)
 
 
 def test_a_filter_too_fast_for_the_sample_time_is_refused():
-    with pytest.raises(PolesOutOfReach, match=r"sample time of 0\.005 s"):
+    with pytest.raises(PolesNotAssignable, match=r"sample time of 0\.005 s"):
         kalman(LISTED).sampled(LISTED, 5e-3)
 
 

@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 from scipy.signal import lsim
 
-from rig.drives.servo.errors import BeyondNyquist, Improper, PolesOutOfReach, ServoError
+from rig.drives.servo.errors import BeyondNyquist, Improper, PolesNotAssignable, ServoError
 from rig.drives.servo.estimator import Estimator, Noise, kalman, sampled_kalman
 from rig.drives.servo.feed_forward import LoadFilter
-from rig.drives.servo.lqg import StateSpaceController, compensator, continuous_facts
+from rig.drives.servo.lqg import StateSpaceController, analyse_continuous_loop, compensator
 from rig.drives.servo.setpoint import MotorSetpoint
 from rig.drives.servo.state_feedback import Feedback, assign, lq
 from rig.drives.servo.two_mass import TwoMass
@@ -44,7 +44,7 @@ def drive(joint, period_s=1e-3, **keys):
 
 
 def facts(controller, period_s):
-    return position_loop(LISTED, [controller.system], period_s).facts
+    return position_loop(LISTED, [controller.system], period_s).analysis
 
 
 def run(
@@ -134,7 +134,7 @@ def test_sampled_fast_the_vibration_is_that_of_the_continuous_loop(figures):
 
 def test_observer_and_feedback_keep_their_poles_when_put_together():
     apart = np.concatenate([FEEDBACK.poles_1_s(LISTED), ESTIMATOR.poles_1_s(LISTED)])
-    found = continuous_facts(LISTED, FEEDBACK, ESTIMATOR).poles_1_s
+    found = analyse_continuous_loop(LISTED, FEEDBACK, ESTIMATOR).poles_1_s
     np.testing.assert_allclose(np.sort_complex(found), np.sort_complex(apart), rtol=1e-7)
 
 
@@ -208,13 +208,13 @@ def test_margins_are_those_of_the_frequency_response(period_s):
     margins = facts(controller, period_s).margins
     crossings = np.flatnonzero((np.abs(loop[:-1]) - 1.0) * (np.abs(loop[1:]) - 1.0) < 0.0)
     phases = np.abs(np.degrees(np.angle(-loop[crossings])))
-    assert margins.phase_deg == pytest.approx(phases.min(), abs=0.1)
+    assert margins.phase_margin_deg == pytest.approx(phases.min(), abs=0.1)
     assert margins.crossover_rad_s == pytest.approx(w[crossings[phases.argmin()]], rel=1e-3)
     real = np.flatnonzero((loop.imag[:-1] * loop.imag[1:] < 0.0) & (loop.real[:-1] < 0.0))
     gains = -1.0 / loop.real[real]
-    assert margins.gain == pytest.approx(gains[gains > 1.0].min(), rel=2e-3)
+    assert margins.upper_gain_margin == pytest.approx(gains[gains > 1.0].min(), rel=2e-3)
     assert margins.lower_gain_margin == pytest.approx(gains[gains < 1.0].max(), rel=2e-3)
-    assert margins.sensitivity == pytest.approx(np.max(1.0 / np.abs(1.0 + loop)), rel=1e-4)
+    assert margins.peak_sensitivity == pytest.approx(np.max(1.0 / np.abs(1.0 + loop)), rel=1e-4)
 
 
 @joints
@@ -380,7 +380,7 @@ def test_a_feedback_without_integral_still_steps():
     [
         ({"period_s": 0.0}, ServoError, "period_s = 0"),
         ({"period_s": math.nan}, ServoError, "period_s = nan"),
-        ({"period_s": 5e-3}, PolesOutOfReach, "sample faster"),
+        ({"period_s": 5e-3}, PolesNotAssignable, "sample faster"),
         ({"period_s": 0.03}, BeyondNyquist, "resonance"),
         ({"torque_limit_n_m": 0.0}, ServoError, "torque_limit_n_m = 0"),
         ({"torque_limit_n_m": math.nan}, ServoError, "torque_limit_n_m = nan"),
@@ -395,8 +395,8 @@ def test_a_feedback_without_integral_still_steps():
             ServoError,
             "estimator of 0.002 s; must be the same",
         ),
-        ({"estimator": Estimator((0.0, 0.0, 0.0, 0.0))}, PolesOutOfReach, "real part <"),
-        ({"feedback": Feedback((1.0, 1.0, 0.0, 0.0), 1.0)}, PolesOutOfReach, "real part <"),
+        ({"estimator": Estimator((0.0, 0.0, 0.0, 0.0))}, PolesNotAssignable, "real part <"),
+        ({"feedback": Feedback((1.0, 1.0, 0.0, 0.0), 1.0)}, PolesNotAssignable, "real part <"),
     ],
 )
 def test_drives_that_cannot_be_are_refused(keys, error, match):

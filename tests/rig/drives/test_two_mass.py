@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rig.drives.servo.errors import ServoError
-from rig.drives.servo.loops import pole_pairs, swinging
+from rig.drives.servo.loops import oscillatory_pairs, pole_pairs
 from rig.drives.servo.two_mass import TwoMass
 
 DATA = tomllib.loads((Path(__file__).parents[2] / "data" / "servo_joint.toml").read_text())
@@ -29,7 +29,10 @@ joints = st.builds(
 
 
 def figures(joint: TwoMass) -> dict[str, float]:
-    (zero,), (pole,) = swinging(np.roots(joint.motor_numerator)), swinging(joint.poles_1_s)
+    (zero,), (pole,) = (
+        oscillatory_pairs(np.roots(joint.motor_numerator)),
+        oscillatory_pairs(joint.poles_1_s),
+    )
     return {
         "antiresonance_rad_s": zero.frequency_rad_s,
         "antiresonance_damping": zero.damping,
@@ -55,7 +58,7 @@ def test_the_normalised_joint_has_the_modes_of_its_closed_form():
     joint = TwoMass.normalised(
         n["antiresonance_rad_s"], n["inertia_ratio"], n["antiresonance_damping"]
     )
-    (pole,) = swinging(joint.poles_1_s)
+    (pole,) = oscillatory_pairs(joint.poles_1_s)
     assert pole == pytest.approx((n["resonance_rad_s"], n["resonance_damping"]), rel=1e-7)
     assert joint.rigid_inertia_kg_m2 == pytest.approx(1.0)
     assert joint.antiresonance_rad_s == pytest.approx(n["antiresonance_rad_s"])
