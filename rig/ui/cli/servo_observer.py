@@ -17,13 +17,8 @@ from rig.ui.cli.output import COLOUR, plain_table, print_json, say, wide
 
 if TYPE_CHECKING:
     from rig.drives.servo.loops import PolePair
-    from rig.studies.servo.observer import (
-        Interval,
-        ObserverRow,
-        ObserverTask,
-        Rejection,
-        TimeConstantRanges,
-    )
+    from rig.studies.servo.observer import ObserverRow, ObserverTask, Rejection
+    from rig.studies.servo.observer_damping import Interval, TimeConstantRanges
 
 CORNER = "T_f\n[ms]"
 LIMIT = 1e6  # a filter this much faster or slower than the joint is told as the limit
@@ -82,9 +77,9 @@ def observer(
         TIME_CONSTANTS_S,
         ObserverTask,
         observer_rows,
-        time_constant_ranges,
         without_observer,
     )
+    from rig.studies.servo.observer_damping import time_constant_ranges
 
     if plot is not None:
         from rig.ui.plots import picture_file

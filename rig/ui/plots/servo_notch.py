@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from planners.trajectories.pieces import ComplexArray
-from rig.studies.servo.notch import NotchTask, Placement, Response, placements, step_response
+from rig.studies.servo.notch_loops import NotchTask, Placement, Response, placements, step_response
 
 COLOURS = {"none": "#212121", "inside": "#c62828", "upstream": "#2e7d32"}
 TITLES = {

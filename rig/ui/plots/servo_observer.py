@@ -12,13 +12,11 @@ from matplotlib.figure import Figure
 
 from rig.drives.servo.disturbance_design import Nominal, Place
 from rig.drives.servo.loops import oscillatory_pairs
-from rig.studies.servo.observer import (
-    ObserverTask,
+from rig.studies.servo.observer import ObserverTask, printed_poles_1_s, torque_step_response
+from rig.studies.servo.observer_damping import (
     TimeConstantRanges,
     least_damping,
-    printed_poles_1_s,
     time_constant_ranges,
-    torque_step_response,
 )
 
 BARE, FAST, BEST, ELASTIC, GREY = "#212121", "#c62828", "#2e7d32", "#1565c0", "#757575"

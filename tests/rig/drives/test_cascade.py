@@ -1,4 +1,7 @@
-"""The cascade against the reference's poles, hand polynomials, and a joint that the test itself integrates."""
+"""Cascade against three references.
+
+Poles of the reference data, polynomials derived by hand, and a joint integrated by the test.
+"""
 
 import math
 import tomllib
@@ -30,7 +33,7 @@ PLACES = [(None, "inside"), (INSIDE, "inside"), (UPSTREAM, "upstream")]
 
 
 class Joint:
-    """A two-mass joint stepped exactly, from its equations of motion: [qm, qm', n ql, n ql']."""
+    """Two-mass joint, integrated exactly from its equations: [qm, qm', n ql, n ql']."""
 
     def __init__(self, joint, period_s):
         jm, jl = joint.motor_inertia_kg_m2, joint.load_inertia_kg_m2 / joint.gear_ratio**2
@@ -110,7 +113,11 @@ def test_a_notch_beside_the_pair_hides_nothing():
 
 @pytest.mark.parametrize("filter_s", [0.0, 5e-4])
 def test_closed_loops_are_the_hand_polynomial_of_any_joint(filter_s):
-    """Tiv s (s D (1 + s Tf) N2) + Kpv (1 + Tiv s)(s + Kpp (1 + s Tf)) Nm N1, with D over s the angles' denominator."""
+    """Polynomial of the closed position loop.
+
+    Tiv s (s D (1 + s Tf) N2) + Kpv (1 + Tiv s)(s + Kpp (1 + s Tf)) Nm N1, with s D the denominator
+    of the angles.
+    """
     gains = Cascade.normalised(DRIVE, 0.7, 0.15, speed_filter_s=filter_s)
     notch = Notch(frequency_rad_s=150.0, numerator_damping=0.2, denominator_damping=0.8)
     lag = [filter_s, 1.0] if filter_s else [1.0]
@@ -191,7 +198,7 @@ def test_the_controller_moves_a_joint_as_its_sampled_loop_says(notch, where, fil
 
 
 def test_sampled_fast_the_controller_does_what_the_continuous_loop_does():
-    """Against scipy's integration of joint, P, PI and their integrator."""
+    """Compare with joint, P, PI and their integrator, integrated by scipy."""
 
     def rate(_, x):
         motor, speed, load, load_speed, integral = x
@@ -228,7 +235,7 @@ def test_a_constant_torque_on_the_load_leaves_no_error_of_the_motor():
     assert states[-1, 2] - states[-1, 0] == pytest.approx(0.2 / DRIVE.stiffness_n_m_rad, rel=1e-5)
 
 
-def test_full_speed_feed_forward_follows_a_ramp_without_lag_and_less_lags_by_its_rest_over_the_gain():
+def test_full_speed_feed_forward_tracks_a_ramp_and_a_share_lags_by_the_rest_over_the_gain():
     period_s, speed = 1e-3, 5.0
     for share in (1.0, 0.4):
         gains = Cascade.normalised(DRIVE, speed_feed_forward=share)
@@ -241,7 +248,10 @@ def test_full_speed_feed_forward_follows_a_ramp_without_lag_and_less_lags_by_its
 
 
 def test_the_torque_keeps_its_limit_and_the_integrator_does_not_wind_up():
-    """A step that asks for far more than the motor has: without anti-windup the same loop overshoots several times as far."""
+    """A step that requires far more torque than the limit.
+
+    Without anti-windup the same loop overshoots several times as far.
+    """
     period_s, limit = 1e-3, 0.15
     gains = Cascade.normalised(DRIVE, 0.7, 0.15, reset_time=3.0, torque_limit_n_m=limit)
 
@@ -267,7 +277,10 @@ def test_the_torque_keeps_its_limit_and_the_integrator_does_not_wind_up():
 
 
 def test_a_limited_torque_lets_the_integrator_work_the_other_way():
-    """A feed-forward of three times the limit, and a motor that is ahead: only the integrator can take the torque back."""
+    """A feed-forward of three times the limit, and a motor ahead of its setpoint.
+
+    Only the integrator can reduce the torque.
+    """
     gains = Cascade(
         speed_gain_n_m_s_rad=0.1,
         reset_time_s=0.05,
@@ -283,7 +296,10 @@ def test_a_limited_torque_lets_the_integrator_work_the_other_way():
 
 
 def test_after_a_long_push_beyond_its_limit_the_drive_comes_back_at_once():
-    """A load torque the motor cannot hold, then none: the way back starts when the push ends."""
+    """A load torque above the limit, then none.
+
+    The motor returns as soon as the load torque ends.
+    """
     period_s, limit = 1e-3, 0.2
     gains = Cascade.normalised(DRIVE, torque_limit_n_m=limit)
     joint, controller = Joint(DRIVE, period_s), CascadeController(gains, period_s)

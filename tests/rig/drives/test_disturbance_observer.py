@@ -1,4 +1,7 @@
-"""The torque disturbance observer against the reference's poles, block algebra of another kind, and a joint stepped exactly."""
+"""Torque disturbance observer against three references.
+
+Poles of the reference data, equations solved at a frequency, and a joint integrated exactly.
+"""
 
 import math
 import tomllib
@@ -39,7 +42,7 @@ def value(polynomial, s):
 
 
 class Resting:
-    """A controller that asks for nothing."""
+    """Controller without torque."""
 
     def step(self, setpoint, motor_angle_rad):
         return 0.0
@@ -49,7 +52,10 @@ class Resting:
 
 
 def run(joint, controller, steps, period_s=PERIOD_S, motor_torque=0.0, load_torque=0.0):
-    """States [qm, qm', n ql, n ql'] and torques, from the joint's equations and a matrix exponential."""
+    """Compute states [qm, qm', n ql, n ql'] and torques.
+
+    From the equations of the joint and a matrix exponential.
+    """
     jm, jl = joint.motor_inertia_kg_m2, joint.load_inertia_kg_m2 / joint.gear_ratio**2
     spring = np.array([joint.stiffness_n_m_rad, joint.elastic_damping_n_m_s_rad])
     spring = np.array([*spring, *-spring])
@@ -130,7 +136,10 @@ def test_the_lecture_s_h_f_with_the_load_s_inertia_is_this_closed_form(time_cons
 def test_disturbance_and_command_are_those_of_the_equations_solved_at_a_frequency(
     nominal, order, kind
 ):
-    """Motor, load and observer as four linear equations in the two speeds, the torque and its estimate."""
+    """Four linear equations of motor, load and observer.
+
+    Unknown: the two speeds, the torque and its estimate.
+    """
     j, jl = DRIVE, DRIVE.load_inertia_kg_m2 / DRIVE.gear_ratio**2
     own = design(1.3e-3, nominal, order, kind)
     for omega in (2.0, 90.0, 180.0, 1500.0):
@@ -227,7 +236,10 @@ def test_the_loop_of_blocks_is_the_closed_form(nominal, measured, order):
 
 
 def test_a_joint_that_is_the_nominal_leaves_the_observer_the_margins_of_its_filter_alone():
-    """Q / (1 - Q) = 1 / (s Tf): a phase margin of 90 degrees at 1 / Tf, and no end to the gain."""
+    """Loop transfer function Q / (1 - Q) = 1 / (s Tf).
+
+    Phase margin 90 degrees at 1 / Tf, gain margin infinite.
+    """
     found = design(1.0 / 300.0, "elastic").loop(DRIVE).analysis.margins
     assert (found.phase_margin_deg, found.crossover_rad_s) == pytest.approx((90.0, 300.0), rel=1e-4)
     assert found.upper_gain_margin > 1e6
@@ -250,7 +262,10 @@ def test_a_constant_torque_on_the_motor_is_found_and_cancelled(nominal, measured
 
 @pytest.mark.parametrize("measured", ["speed", "angle"])
 def test_for_a_rigid_load_without_friction_the_sampled_observer_is_exact(measured):
-    """Torques held for a sample, and the angles they lead to: the torque to add stays 0 whatever the sample time."""
+    """Torques held for a sample, and the resulting angles.
+
+    The torque to add stays 0 at any sample time.
+    """
     inertia, period_s = 4e-4, 1e-3
     low_pass = LowPass(time_constant_s=2e-3, order=2)
     observer = DisturbanceObserver(
@@ -268,7 +283,7 @@ def test_for_a_rigid_load_without_friction_the_sampled_observer_is_exact(measure
 @pytest.mark.parametrize(
     ("nominal", "time_constant_s"), [("rigid", 5e-4), ("rigid", 2e-3), ("elastic", 5e-4)]
 )
-def test_sampled_it_answers_a_torque_as_the_closed_form_does_with_a_time_constant_longer_by_a_sample(
+def test_the_sampled_observer_acts_like_the_closed_form_with_a_time_constant_longer_by_a_sample(
     nominal, time_constant_s
 ):
     own, steps, period_s = design(time_constant_s, nominal), 4000, 2e-5
@@ -293,7 +308,7 @@ def test_sampled_it_answers_a_torque_as_the_closed_form_does_with_a_time_constan
 
 
 class Push:
-    """A controller that gives a torque for a moment."""
+    """Controller that gives a torque for some samples."""
 
     def __init__(self, samples=20):
         self.samples = samples
@@ -307,7 +322,10 @@ class Push:
 
 
 def ring(time_constant_s, nominal):
-    """The coupling's twist after a push, (N,) from 0.15 s on, over its peak; samples of 0.05 ms."""
+    """Compute the twist of the coupling after a push, over its peak.
+
+    (N,) from 0.15 s on; samples of 0.05 ms.
+    """
     observer = DisturbanceObserver(design(time_constant_s, nominal), 5e-5)
     states, _ = run(DRIVE, Compensated(Push(), observer), 12_000, 5e-5)
     twist = states[:, 0] - states[:, 2]
@@ -361,7 +379,7 @@ def test_under_a_cascade_the_observer_cuts_what_a_torque_on_the_motor_does():
 
 
 def test_under_a_cascade_too_the_load_rings_after_a_torque_on_it_unless_a_rigid_q_is_slow():
-    """What is left of the load's speed a quarter of a second after the step, the cascade being gentle."""
+    """Residual speed of the load 0.25 s after the step, with low gains."""
     gains, left = Cascade.normalised(DRIVE, 0.1, 0.03), {}
     for nominal, time_constant_s in (("rigid", 2e-4), ("rigid", 2e-3), ("elastic", 2e-4)):
         observer = DisturbanceObserver(design(time_constant_s, nominal), PERIOD_S)
@@ -373,7 +391,7 @@ def test_under_a_cascade_too_the_load_rings_after_a_torque_on_it_unless_a_rigid_
 
 
 def test_the_observer_knows_the_torque_that_was_left_by_the_limit():
-    """A motor at its limit does what it can: that is no disturbance, so nothing is added."""
+    """A limited torque is no disturbance, so nothing is added."""
     limit, told = 0.05, []
 
     class Greedy(Resting):

@@ -1,4 +1,7 @@
-"""The pair C1, C2 against a loop put together block by block, and its sampled form against scipy."""
+"""Feed-forward pair C1, C2 against a loop assembled block by block.
+
+Its sampled form against scipy.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +45,10 @@ def f0(joint):
 
 
 def response(joint, feedback, load_filter):
-    """Load angle over setpoint (N,) of the whole loop, solved frequency by frequency from the blocks' own responses."""
+    """Compute the load angle over the setpoint (N,) of the whole loop.
+
+    Solved at each frequency from the responses of the blocks.
+    """
     c1, c2 = feed_forward_pair(joint, feedback, load_filter)
     drive = compensator(joint, feedback, kalman(joint))
     rows = []
@@ -219,7 +225,7 @@ def test_a_binomial_filter_is_one_at_rest_and_falls_by_its_degree_at_its_corner(
         ((2.0,), (1.0, 1.0), "F0 = 2 at rest"),
         ((1.0, 1.0, 1.0), (1.0, 1.0), "add poles"),
         ((), (1.0, 1.0), "finite"),
-        ((1.0,), (0.0, 1.0), "led by 0"),
+        ((1.0,), (0.0, 1.0), "first denominator coefficient not 0"),
         ((1.0,), (math.nan, 1.0), "finite"),
     ],
 )

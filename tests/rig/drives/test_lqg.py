@@ -1,4 +1,7 @@
-"""The drive on a joint integrated on its own, by the matrix exponential of equations written here."""
+"""State-space controller on a joint integrated by the test.
+
+By the matrix exponential of equations written here.
+"""
 
 from __future__ import annotations
 
@@ -58,7 +61,10 @@ def run(
     fine=5,
     start=(0, 0, 0, 0),
 ):
-    """The joint under the controller; fine instants a sample, the torques on motor and load constant."""
+    """Simulate the joint with the controller.
+
+    fine instants per sample; the torques on motor and load are constant.
+    """
     jm, jl = joint.motor_inertia_kg_m2, joint.load_inertia_kg_m2 / joint.gear_ratio**2
     k, d = joint.stiffness_n_m_rad, joint.elastic_damping_n_m_s_rad
     dm, dl = joint.motor_friction_n_m_s_rad, joint.load_friction_n_m_s_rad / joint.gear_ratio**2
@@ -79,7 +85,7 @@ def run(
 
 
 def trapezoid(figures):
-    """The setpoint as a function of time, and its top speed."""
+    """Build the setpoint as a function of time, and its top speed."""
     h, time, a = figures["distance_rad"], figures["time_s"], figures["acceleration_rad_s2"]
     ramp = (time - math.sqrt(time**2 - 4 * h / a)) / 2
 
@@ -316,7 +322,7 @@ def test_a_limit_that_is_not_met_changes_nothing():
 
 
 def test_the_observer_knows_of_the_limit():
-    """Were it told the torque asked for, it would expect ten times the speed and drive against it."""
+    """With the torque requested it would expect, and counteract, ten times the speed."""
     controller = drive(LISTED, torque_limit_n_m=0.1, feed_forward="rigid")
     pushed = run(controller, lambda t: MotorSetpoint(50.0), 0.2, fine=1)
     assert np.all(pushed.torque_n_m == 0.1)
@@ -380,7 +386,7 @@ def test_a_feedback_without_integral_still_steps():
     [
         ({"period_s": 0.0}, ServoError, "period_s = 0"),
         ({"period_s": math.nan}, ServoError, "period_s = nan"),
-        ({"period_s": 5e-3}, PolesNotAssignable, "sample faster"),
+        ({"period_s": 5e-3}, PolesNotAssignable, "reduce the sample time"),
         ({"period_s": 0.03}, BeyondNyquist, "resonance"),
         ({"torque_limit_n_m": 0.0}, ServoError, "torque_limit_n_m = 0"),
         ({"torque_limit_n_m": math.nan}, ServoError, "torque_limit_n_m = nan"),

@@ -1,4 +1,7 @@
-"""A sampled block against python-control's own simulation and closed forms; loops against textbook figures."""
+"""Sampled blocks against the simulation of python-control and closed forms.
+
+Loops against textbook figures.
+"""
 
 from __future__ import annotations
 
@@ -65,7 +68,7 @@ def test_more_zeros_than_poles_are_refused():
 @pytest.mark.parametrize("period_s", [0.0, -1.0, math.nan, 100.0])
 def test_a_sample_time_that_no_drive_has_is_refused(period_s):
     with pytest.raises(
-        ServoError, match=r"period_s = .*; must be 1e-07 to 10: give the drive's sample time"
+        ServoError, match=r"period_s = .*; must be 1e-07 to 10: give the sample time of the drive"
     ):
         discretise(lag(0.01), period_s)
 
@@ -97,7 +100,10 @@ def test_sampled_poles_are_told_as_the_continuous_ones_they_come_from():
 
 
 def test_margins_of_an_integrator_with_a_lag_are_the_textbook_s():
-    """L = 1 / (s (1 + s)): crossover sqrt((sqrt 5 - 1) / 2), phase margin 90 deg - atan of it."""
+    """L = 1 / (s (1 + s)).
+
+    Crossover sqrt((sqrt 5 - 1) / 2), phase margin 90 deg - atan of it.
+    """
     crossover = math.sqrt((math.sqrt(5.0) - 1.0) / 2.0)
     found = loops.margins(control.tf([1.0], [1.0, 1.0, 0.0]))
     assert found[:4] == pytest.approx(

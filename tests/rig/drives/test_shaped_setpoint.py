@@ -1,4 +1,7 @@
-"""Shaped setpoints against an oscillator integrated by itself, the exact shaped trajectory and printed figures."""
+"""Shaped setpoints against independent computations.
+
+An oscillator integrated by the test, the exact shaped trajectory, and printed figures.
+"""
 
 import math
 import tomllib
@@ -35,7 +38,10 @@ turns = st.floats(0.003, 1.0)  # of the mode a sample [rad]
 
 
 def swing_after(setpoints_rad, mode, period_s):
-    """Amplitude of w^2 / (s^2 + 2 zeta w s + w^2) about its input, which is held: exact, from the matrix exponential."""
+    """Compute the amplitude of w^2 / (s^2 + 2 zeta w s + w^2) about its held input.
+
+    Exact, from the matrix exponential.
+    """
     w, d = mode
     whole = expm(
         np.array([[0.0, 1.0, 0.0], [-w * w, -2 * d * w, w * w], [0.0, 0.0, 0.0]]) * period_s
@@ -48,7 +54,7 @@ def swing_after(setpoints_rad, mode, period_s):
 
 
 def step_through(shaper, period_s):
-    """A unit step, shaped, until the sample before which the last impulse has come."""
+    """Shape a unit step, until the last impulse has passed."""
     shaped = ShapedSetpoint(shaper, period_s)
     return [
         shaped.step(MotorSetpoint(1.0)).angle_rad
@@ -57,7 +63,10 @@ def step_through(shaper, period_s):
 
 
 def in_proportion(shaper, period_s):
-    """What place_on_samples is better than: each impulse divided by how near its two samples are."""
+    """Split each impulse in proportion to the distances of its two samples.
+
+    The simple method that place_on_samples replaces.
+    """
     samples = shaper.times_s / period_s
     before = np.floor(samples)
     late = samples - before
@@ -93,7 +102,7 @@ def test_impulses_on_samples_sum_to_1_keep_their_signs_and_leave_no_more_of_the_
 
 @pytest.mark.parametrize("name", ["zv", "zvd", "zvdd"])
 @pytest.mark.parametrize("turn", [0.02, 0.1, 0.3])
-def test_dividing_in_proportion_leaves_up_to_an_eighth_of_the_turn_squared_and_on_grid_nothing(
+def test_a_split_in_proportion_leaves_up_to_an_eighth_of_the_turn_squared_and_ours_nothing(
     name, turn
 ):
     mode = PolePair(1.0, 0.05)
@@ -179,7 +188,8 @@ def test_a_long_delay_comes_back_after_its_time_and_not_before():
     shaped = ShapedSetpoint(Shaper(np.array([0.25, 0.75]), np.array([0.0, 2.0])), 0.001)
     out = [shaped.step(MotorSetpoint(float(k == 3), k == 4, k == 5)) for k in range(4100)]
     assert {k: o for k, o in enumerate(out) if any(o)} == {
-        3: (0.25, 0, 0), 4: (0, 0.25, 0), 5: (0, 0, 0.25), 2003: (0.75, 0, 0), 2004: (0, 0.75, 0), 2005: (0, 0, 0.75)
+        3: (0.25, 0, 0), 4: (0, 0.25, 0), 5: (0, 0, 0.25),
+        2003: (0.75, 0, 0), 2004: (0, 0.75, 0), 2005: (0, 0, 0.75),
     }  # fmt: skip
 
 
@@ -289,12 +299,12 @@ def test_the_modes_of_a_joint_are_taken_as_they_come():
         (
             lambda: design_shaper("zv", [PolePair(4000.0, 0.05)], 0.001),
             BeyondNyquist,
-            "shaper's mode = 3995 rad/s .*: sample faster",
+            "shaper's mode = 3995 rad/s .*: reduce the sample time",
         ),
         (
             lambda: design_shaper("um_zv", [PolePair(1.0, 0.0)], 2.5),
             BeyondNyquist,
-            r"impulses of both signs .* must be > 0\.5: sample",
+            r"impulses of both signs .* must be > 0\.5: reduce the sample time",
         ),
         (
             lambda: design_shaper("zv", [PolePair(1e-3, 0.05)], 1e-4),
@@ -309,7 +319,8 @@ def test_the_modes_of_a_joint_are_taken_as_they_come():
         (
             lambda: ShapedSetpoint(SHAPERS["zv"](1j), 0.1),
             ServoError,
-            r"impulse 1 is 31\.415927 samples of 0\.1 s; must be a whole number: design the shaper for this sample time",
+            r"impulse 1 is 31\.415927 samples of 0\.1 s; must be a whole number: "
+            "design the shaper for this sample time",
         ),
         (lambda: ShapedSetpoint(SHAPERS["zv"](1j), -1.0), ServoError, "period_s = -1.0"),
     ],

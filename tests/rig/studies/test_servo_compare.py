@@ -1,4 +1,7 @@
-"""Controllers on the simulated joint: the source's experiments, by our gains, against the linear loop recomputed."""
+"""Controllers on the simulated joint, in the experiments of source 001.
+
+With the gains of this project, against the recomputed linear loop.
+"""
 
 from __future__ import annotations
 
@@ -79,13 +82,13 @@ def test_no_less_acceleration_makes_the_move_in_its_time(move):
     msgspec.structs.replace(section, motor_acceleration_rad_s2=least * (1.0 + 1e-6)).trajectory(
         SPEC.model.gear_ratio
     )
-    with pytest.raises(ConfigError, match="raise it, or give the move more time"):
+    with pytest.raises(ConfigError, match="raise it, or raise time_s"):
         msgspec.structs.replace(section, motor_acceleration_rad_s2=least * (1.0 - 1e-6)).trajectory(
             SPEC.model.gear_ratio
         )
 
 
-def test_the_file_s_truths_are_the_parameter_sets_that_the_joint_is_known_by():
+def test_the_plant_variants_of_the_file_are_the_parameter_sets_of_the_reference():
     known = tomllib.loads((Path(__file__).parents[2] / "data" / "servo_joint.toml").read_text())
     for name, table in (("listed", "listed"), ("fitted", "fitted"), ("together", "fitted")):
         told = SPEC.plant_variant_tables(name)
@@ -115,7 +118,7 @@ def test_sampled_on_the_listed_joint_they_leave_what_the_linear_loop_does(rows, 
     assert lqg.overshoot_deg == pytest.approx(figures["lqg_overshoot_deg"], rel=0.02)
     assert lqg.peak_torque_n_m == pytest.approx(
         figures["peak_torque_n_m"], rel=0.05
-    )  # the encoder's steps are in it
+    )  # includes the effect of encoder steps
 
 
 def test_the_first_two_experiments_are_one_scaled_by_four_to_three(rows):
@@ -177,7 +180,7 @@ def test_designs_are_judged_by_their_loops():
     )
 
 
-def test_the_accelerometer_tells_the_speed_that_the_load_has(rows):
+def test_the_accelerometer_gives_the_speed_of_the_load(rows):
     for row in rows.values():
         r = row.recording
         error = (
@@ -255,7 +258,7 @@ def test_a_bias_of_the_accelerometer_does_not_reach_the_speed():
 
 
 def test_a_short_watch_changes_no_measured_residual():
-    """Nothing is assumed of how the move ends."""
+    """The bias comes from the rest before the move, not from its end."""
     short, long = (
         next(
             iter(compare(read_spec(None, [f"watch_s={watch}"]), ["listed"], ["pid"]))
@@ -272,8 +275,11 @@ def test_a_load_that_is_held_back_has_not_arrived():
 
 
 @pytest.mark.parametrize("truth", TRUTHS)
-def test_what_of_the_residual_is_owed_to_torque_fed_ahead_is_shown(rows, truth):
-    """The same cascade with the rigid inertia's torque leaves far less; LQG is still settled sooner, with less overshoot."""
+def test_the_effect_of_torque_feed_forward_on_the_residual_is_shown(rows, truth):
+    """The same cascade with torque feed-forward of the rigid inertia leaves far less.
+
+    LQG still settles sooner, with less overshoot.
+    """
     for move in (1, 2, 3):
         pid, ahead, lqg = (rows[truth, move, name].outcome for name in ("pid", "pid_ff", "lqg"))
         assert ahead.residual < 0.65 * pid.residual
@@ -292,7 +298,7 @@ def test_a_shaped_move_is_judged_from_the_shaper_s_end_on(rows):
     assert row.outcome.rms_torque_n_m < whole.rms_torque_n_m  # of a longer move
     assert row.outcome.settled_s == pytest.approx(
         whole.settled_s
-    )  # counted from the end that was asked for
+    )  # counted from the end of the reference
 
 
 @pytest.mark.parametrize(
@@ -314,10 +320,10 @@ def test_a_shaped_move_is_judged_from_the_shaper_s_end_on(rows):
         (
             ["model.elastic_damping_n_m_s_rad=0.5"],
             ServoError,
-            "pid_notch on a loop that does not swing",
+            "pid_notch on a loop that does not oscillate",
         ),
         (["bench.coulomb=1"], ConfigError, "coulomb_torque_n_m"),
-        (["drive.period_s=0.05"], Exception, "half the sampling"),
+        (["drive.period_s=0.05"], Exception, "the Nyquist frequency"),
         (["compensators.shaper='zzv'"], PlanError, "did you mean 'zv'"),
         (["lqg.state_weights=[1, 1, 1, 1, 0]"], Exception, "the last > 0"),
         (
@@ -327,7 +333,7 @@ def test_a_shaped_move_is_judged_from_the_shaper_s_end_on(rows):
         ),
     ],
 )
-def test_what_cannot_be_had_is_refused_before_anything_moves(changes, error, said):
+def test_an_impossible_specification_is_refused_before_any_run(changes, error, said):
     with pytest.raises(error, match=re.escape(said)):
         compare(read_spec(None, changes), ["listed"], list(CONTROLLERS))
 
@@ -400,7 +406,7 @@ def test_a_file_with_the_old_and_the_new_name_of_a_table_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("truth", TRUTHS)
-def test_the_page_on_drives_tells_what_comes_out(rows, truth):
+def test_the_page_on_drives_has_the_residuals_of_the_runs(rows, truth):
     page = (Path(__file__).parents[3] / "docs" / "drives.md").read_text()
     (line,) = (line for line in page.splitlines() if line.startswith(f"| `{truth}`"))
     pid, lqg, _, ahead = (
@@ -440,10 +446,10 @@ def test_when_nothing_arrives_the_data_are_not_good_and_the_limit_is_named(rig):
     assert "its torque at the limit for" in out
 
 
-def test_more_samples_than_anybody_waits_for_are_refused_with_the_sample_time_that_goes(rig):
+def test_too_many_samples_are_refused_with_the_shortest_possible_sample_time(rig):
     code, _, err = rig("servo", "compare", "--set", "drive.period_s=1e-6")
     assert code == 2
-    assert "must be <= 2e+06, some minutes: sample every 3.7e-05 s or slower" in err
+    assert "must be <= 2e+06, some minutes of computation: sample every 3.7e-05 s or slower" in err
 
 
 def test_every_controller_of_a_picture_has_a_colour_of_its_own():

@@ -222,7 +222,7 @@ def test_the_picture_s_curves_are_the_impulses_formula_and_the_pulse_s_end():
 @pytest.mark.parametrize(
     ("words", "told_so"),
     [
-        (("--damping", 1), "damping = 1.0; must be 0 to 0.99: give the mode's damping ratio"),
+        (("--damping", 1), "damping = 1.0; must be 0 to 0.99: give the damping ratio of the mode"),
         (("--damping", -0.1), "damping = -0.1; must be 0 to 0.99"),
         (
             ("--damping", 0.9, "--damping-error", 0.2),
