@@ -94,7 +94,7 @@ class Cascade:
         """
         import control
 
-        inner = [*self._inner(notch), _speeds(joint)]
+        inner = [*self._speed_blocks(notch), _speeds(joint)]
         outputs = ["motor_speed", "load_speed"]
         closed = interconnect([*inner, input_disturbance()], ["speed_setpoint", *TORQUES], outputs)
         forward = interconnect(inner, ["speed_setpoint", "torque"], ["drive_torque"])
@@ -112,7 +112,8 @@ class Cascade:
         """
         inside, upstream = _split_notch(notch, where)
         return position_loop(
-            joint, [*self._inner(inside), *self._outer(upstream and upstream.system)]
+            joint,
+            [*self._speed_blocks(inside), *self._position_blocks(upstream and upstream.system)],
         )
 
     def sampled(
@@ -134,10 +135,10 @@ class Cascade:
             a, 1.0, share * (a - 1.0), share, period_s, inputs="motor_angle", outputs="speed"
         )
         pi = control.ss(1.0, ki, 1.0, kp + ki, period_s, inputs="speed_error", outputs="pi_torque")
-        blocks = [encoder, pi, *self._torques(inside), *self._outer(upstream)]
+        blocks = [encoder, pi, *self._torque_blocks(inside), *self._position_blocks(upstream)]
         return interconnect(blocks, [*SETPOINT, "motor_angle"], ["drive_torque"])
 
-    def _inner(self, notch: Notch | None) -> list[Any]:
+    def _speed_blocks(self, notch: Notch | None) -> list[Any]:
         """Build the continuous blocks from speed to torque."""
         import control
 
@@ -145,39 +146,29 @@ class Cascade:
         lag = control.tf([1.0], [self.speed_filter_s, 1.0]) if self.speed_filter_s else None
         encoder = rename(lag, "motor_speed", "speed")
         pi = control.ss(0.0, ki, 1.0, kp, inputs="speed_error", outputs="pi_torque")
-        return [encoder, pi, *self._torques(notch and notch.system)]
+        return [encoder, pi, *self._torque_blocks(notch and notch.system)]
 
-    def _torques(self, notch: Any | None) -> list[Any]:
+    def _torque_blocks(self, notch: Any | None) -> list[Any]:
+        """Build the blocks from speed error to torque, with a notch if given."""
         import control
 
         j = self.feed_forward_inertia_kg_m2
+        inputs = ["pi_torque", "setpoint_acceleration"]
         return [
             control.summing_junction(["speed_setpoint", "-speed"], "speed_error"),
-            control.ss(
-                [],
-                [],
-                [],
-                [[1.0, j]],
-                inputs=["pi_torque", "setpoint_acceleration"],
-                outputs="controller_torque",
-            ),
+            control.ss([], [], [], [[1.0, j]], inputs=inputs, outputs="controller_torque"),
             rename(notch, "controller_torque", "drive_torque"),
         ]
 
-    def _outer(self, notch: Any | None) -> list[Any]:
+    def _position_blocks(self, notch: Any | None) -> list[Any]:
+        """Build the blocks from angle error to speed setpoint, with a notch if given."""
         import control
 
         gains = [[self.position_gain_1_s, self.speed_feed_forward]]
+        inputs = ["angle_error", "setpoint_speed"]
         return [
             control.summing_junction(["setpoint_angle", "-motor_angle"], "angle_error"),
-            control.ss(
-                [],
-                [],
-                [],
-                gains,
-                inputs=["angle_error", "setpoint_speed"],
-                outputs="unfiltered_speed_setpoint",
-            ),
+            control.ss([], [], [], gains, inputs=inputs, outputs="unfiltered_speed_setpoint"),
             rename(notch, "unfiltered_speed_setpoint", "speed_setpoint"),
         ]
 

@@ -82,7 +82,7 @@ def test_the_speed_loop_has_the_poles_and_the_margin_of_the_reference():
     )
 
 
-def test_the_position_loop_has_the_poles_of_the_reference_and_hides_the_pair_that_was_cancelled():
+def test_the_position_loop_has_the_poles_of_the_reference_and_a_cancelled_pair():
     for name, (notch, where) in zip(("none", "inside", "upstream"), PLACES, strict=True):
         loop, known = GAINS.position_loop(JOINT, notch, where), EXAMPLE[name]
         shown, hidden = (
@@ -105,7 +105,7 @@ def test_the_position_loop_has_the_poles_of_the_reference_and_hides_the_pair_tha
         assert len(loop.analysis.pole_pairs) == len(shown) + len(hidden)
 
 
-def test_a_notch_beside_the_pair_hides_nothing():
+def test_a_notch_beside_the_pair_cancels_no_pole():
     off = Notch.tuned_to(PolePair(0.9 * INSIDE.frequency_rad_s, INSIDE.numerator_damping))
     assert GAINS.position_loop(JOINT, off).cancelled_poles_1_s.size == 0
     assert len(pole_pairs(GAINS.position_loop(JOINT, off).controllable_poles_1_s)) == 5
@@ -340,7 +340,7 @@ def test_gains_out_of_bounds_are_refused(change, said):
         )
 
 
-def test_a_controller_without_a_sample_time_or_with_a_notch_it_cannot_hold_is_refused():
+def test_a_controller_without_a_sample_time_or_with_a_notch_beyond_nyquist_is_refused():
     with pytest.raises(ServoError, match=r"period_s = 0.0; must be"):
         CascadeController(GAINS, 0.0)
     for make in (CascadeController, Cascade.sampled):

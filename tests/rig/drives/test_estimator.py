@@ -294,19 +294,19 @@ def test_the_sampled_filter_tends_to_the_continuous_one_with_the_period():
 
 
 @pytest.mark.parametrize(("counts", "left_out"), [(8192, 0), (2**20, 0), (2**40, 1)])
-def test_the_sampled_filter_tells_the_poles_of_its_error(counts, left_out):
+def test_the_sampled_filter_gives_the_poles_of_its_error(counts, left_out):
     estimator = sampled_kalman(LISTED, Noise(encoder_counts_per_rev=counts), PERIOD_S)
     a, _, _ = propagated(LISTED, PERIOD_S)
     poles = estimator.poles_1_s(LISTED)
     assert len(poles) == 4 - left_out
     assert np.max(poles.real) < -40.0
     found = np.poly(a @ (np.eye(4) - np.outer(estimator.gains, ENCODER)))
-    told = np.poly(np.append(np.exp(poles * PERIOD_S), np.zeros(left_out)))
-    np.testing.assert_allclose(told, found, atol=1e-9)
+    reported = np.poly(np.append(np.exp(poles * PERIOD_S), np.zeros(left_out)))
+    np.testing.assert_allclose(reported, found, atol=1e-9)
 
 
 @pytest.mark.parametrize("counts", [8192, 2**16])
-def test_the_promised_deviations_are_those_of_a_joint_with_noise_and_a_real_encoder(counts):
+def test_the_predicted_deviations_are_those_of_a_joint_with_noise_and_an_encoder(counts):
     rng, joints, samples, step = np.random.default_rng(4), 300, 1200, 2.0 * math.pi / counts
     estimator = sampled_kalman(LISTED, Noise(encoder_counts_per_rev=counts), PERIOD_S)
     a, b, added = propagated(LISTED, PERIOD_S)
@@ -399,7 +399,7 @@ def test_a_joint_that_turns_is_estimated_without_lag():
     np.testing.assert_allclose(error, 0.0, atol=1e-9)
 
 
-def test_a_mode_the_encoder_does_not_see_is_refused():
+def test_an_unobservable_mode_is_refused():
     for design in (
         kalman,
         lambda joint: assign(joint, POLES),
@@ -423,7 +423,7 @@ def test_noise_on_the_motor_alone_is_enough():
         ([-100, -200, -300, -3200], "reduce the sample time"),
     ],
 )
-def test_poles_out_of_reach_are_refused(poles, match):
+def test_poles_that_cannot_be_assigned_are_refused(poles, match):
     with pytest.raises(PolesNotAssignable, match=match):
         assign(LISTED, poles, PERIOD_S)
 
@@ -433,7 +433,7 @@ def test_a_filter_too_fast_for_the_sample_time_is_refused():
         kalman(LISTED).sampled(LISTED, 5e-3)
 
 
-def test_noise_too_unlike_for_floating_point_is_refused():
+def test_noises_too_far_apart_for_floating_point_are_refused():
     with pytest.raises(
         ServoError,
         match=(

@@ -321,7 +321,7 @@ def test_a_limit_that_is_not_met_changes_nothing():
     np.testing.assert_array_equal(free.x, limited.x)
 
 
-def test_the_observer_knows_of_the_limit():
+def test_the_observer_receives_the_limited_torque():
     """With the torque requested it would expect, and counteract, ten times the speed."""
     controller = drive(LISTED, torque_limit_n_m=0.1, feed_forward="rigid")
     pushed = run(controller, lambda t: MotorSetpoint(50.0), 0.2, fine=1)
@@ -368,7 +368,7 @@ def test_the_block_of_a_drive_is_what_it_steps(feed_forward):
 
 
 @joints
-def test_a_joint_it_is_not_told_of_is_held_all_the_same(joint):
+def test_a_joint_other_than_the_model_reaches_its_goal_too(joint):
     other = JOINTS["fitted" if joint is LISTED else "listed"]
     setpoint, _ = trapezoid(DATA["experiments"][0])
     found = run(drive(joint, feed_forward="rigid"), setpoint, 1.5, joint=other, fine=1)

@@ -146,7 +146,7 @@ def test_what_is_no_notch_is_refused(make, said):
 @pytest.mark.parametrize(
     "ask", [Notch.sampled, Notch.digital_frequency_rad_s, lambda n, t: n.sampled(t, prewarp=False)]
 )
-def test_a_notch_beyond_half_the_sampling_is_refused(ask):
+def test_a_notch_beyond_nyquist_is_refused(ask):
     with pytest.raises(
         BeyondNyquist, match=r"frequency_rad_s = 4000 rad/s .* must be < 3141.59 rad/s"
     ):

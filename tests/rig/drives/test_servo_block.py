@@ -27,8 +27,8 @@ def test_a_block_steps_as_python_control_simulates(method):
     sampled = discretise(control.tf([1.0, 50.0], [1.0, 30.0, 4e4]), 1e-3, method=method)
     inputs = np.random.default_rng(1).normal(size=400)
     block = Block(sampled)
-    told = control.forced_response(sampled, inputs=inputs).outputs
-    assert [block.step(u) for u in inputs.tolist()] == pytest.approx(told, abs=1e-12)
+    simulated = control.forced_response(sampled, inputs=inputs).outputs
+    assert [block.step(u) for u in inputs.tolist()] == pytest.approx(simulated, abs=1e-12)
 
 
 def test_a_block_begins_anew_after_a_reset():
@@ -52,7 +52,7 @@ def test_a_bilinear_block_is_exact_at_its_prewarp_frequency(omega):
     assert sampled(np.exp(1j * omega * 1e-3)) == pytest.approx(filtered(1j * omega), rel=1e-9)
 
 
-def test_a_prewarp_frequency_beyond_half_the_sampling_is_refused():
+def test_a_prewarp_frequency_beyond_nyquist_is_refused():
     with pytest.raises(
         BeyondNyquist,
         match=r"prewarp_rad_s = 4000 rad/s with a sample time of 0.001 s; must be < 3141.59",
@@ -91,7 +91,7 @@ def test_modes_are_one_of_each_pair_slowest_first_and_an_unstable_one_has_negati
     assert loops.oscillatory_pairs(poles) == (pytest.approx((5.0, 0.6)),)
 
 
-def test_sampled_poles_are_told_as_the_continuous_ones_they_come_from():
+def test_sampled_poles_are_given_as_their_continuous_equivalents():
     system = control.ss(control.tf([1.0], [1.0, 20.0, 1e4]))
     sampled = discretise(system, 1e-3, method="zoh")
     assert np.sort_complex(loops.poles(sampled)) == pytest.approx(
@@ -121,7 +121,7 @@ def test_a_third_lag_bounds_the_gain():
     )
 
 
-def test_a_loop_that_less_gain_would_let_go_tells_to_where_it_may_fall():
+def test_a_loop_that_needs_gain_to_be_stable_has_a_lower_gain_margin():
     """L = k (s + 1)^2 / s^3 closes to s^3 + k s^2 + 2 k s + k, stable for k > 1 / 2 (Routh)."""
     found = loops.margins(control.tf([2.0, 4.0, 2.0], [1.0, 0.0, 0.0, 0.0]))
     assert (found.upper_gain_margin, found.lower_gain_margin) == pytest.approx(
@@ -130,7 +130,7 @@ def test_a_loop_that_less_gain_would_let_go_tells_to_where_it_may_fall():
 
 
 @pytest.mark.parametrize("pole", [1.0, 0.5, 0.0, -0.6])
-def test_a_sampled_lag_may_gain_until_its_pole_is_at_half_the_sampling(pole):
+def test_a_sampled_lag_at_its_gain_margin_has_a_pole_at_the_nyquist_frequency(pole):
     """k / (z - p) closes at z = p - k, which is -1 at k = 1 + p."""
     found = loops.margins(control.tf([0.1], [1.0, -pole], 1e-3))
     assert found.upper_gain_margin == pytest.approx((1.0 + pole) / 0.1, rel=1e-9)
@@ -140,7 +140,7 @@ def test_a_sampled_lag_may_gain_until_its_pole_is_at_half_the_sampling(pole):
     )
 
 
-def test_a_sampled_loop_with_a_pole_at_half_the_sampling_is_refused():
+def test_a_sampled_loop_with_a_pole_at_the_nyquist_frequency_is_refused():
     with pytest.raises(ServoError, match="a pole at z = -1; must have none"):
         loops.margins(control.tf([0.1], [1.0, 1.0], 1e-3))
 
@@ -152,7 +152,7 @@ def test_a_static_loop_has_the_sensitivity_of_its_gain():
     )
 
 
-def test_an_unstable_loop_is_told():
+def test_an_unstable_loop_is_reported():
     opened = control.tf([25.0], [1.0, -2.0, 0.0])
     assert not loops.analyse_loop(opened, control.feedback(opened)).stable
     assert loops.analyse_loop(
@@ -160,7 +160,7 @@ def test_an_unstable_loop_is_told():
     ).stable
 
 
-def test_a_loop_s_facts_are_those_of_its_closed_form():
+def test_the_analysis_of_a_loop_is_that_of_its_closed_form():
     """k / (s (s + 2)) closed: s^2 + 2 s + k."""
     opened = control.tf([25.0], [1.0, 2.0, 0.0])
     found = loops.analyse_loop(opened, control.feedback(opened))

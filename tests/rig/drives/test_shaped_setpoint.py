@@ -193,7 +193,7 @@ def test_a_long_delay_comes_back_after_its_time_and_not_before():
     }  # fmt: skip
 
 
-def test_reset_forgets_what_was_asked_for():
+def test_reset_clears_the_past_setpoints():
     sampled = design_shaper("zvd", [PolePair(20.0, 0.05)], 0.01)
     shaped = ShapedSetpoint(sampled, 0.01)
     first = [shaped.step(MotorSetpoint(1.0, 2.0, 3.0)) for _ in range(7)]
@@ -325,6 +325,6 @@ def test_the_modes_of_a_joint_are_taken_as_they_come():
         (lambda: ShapedSetpoint(SHAPERS["zv"](1j), -1.0), ServoError, "period_s = -1.0"),
     ],
 )
-def test_what_cannot_be_shaped_is_refused_with_its_bound_and_the_next_step(call, error, words):
+def test_invalid_shaper_input_is_refused_with_its_bound_and_the_next_step(call, error, words):
     with pytest.raises(error, match=words):
         call()

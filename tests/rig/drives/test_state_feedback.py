@@ -257,7 +257,7 @@ def test_a_load_behind_no_stiffness_is_not_controllable(design):
         design()
 
 
-def test_a_mode_that_the_input_does_not_touch_is_named():
+def test_an_uncontrollable_mode_is_named():
     a = np.diag([-1.0, -20.0, -300.0])
     with pytest.raises(NotControllable, match="mode at -20 1/s"):
         check_controllable(a, np.array([1.0, 0.0, 1.0]))
@@ -298,12 +298,12 @@ def test_matrices_that_do_not_fit_are_refused(a, b):
         ([-60, -105, -40, -30, -4000], "reduce the sample time"),
     ],
 )
-def test_poles_out_of_reach_are_refused(poles, match):
+def test_poles_that_cannot_be_assigned_are_refused(poles, match):
     with pytest.raises(PolesNotAssignable, match=match):
         assign(LISTED, poles, period_s=1e-3)
 
 
-def test_poles_too_fast_for_a_sample_time_are_told_when_it_is_known():
+def test_poles_too_fast_for_a_sample_time_are_refused_once_it_is_given():
     feedback = assign(LISTED, [-60, -105, -40, -30, -4000])
     with pytest.raises(
         PolesNotAssignable, match=r"-4000.* 0\.001 s; its absolute value must be < 3141\.59"
@@ -342,7 +342,7 @@ def test_weights_too_far_apart_for_floating_point_are_refused(weights, match):
         lq(LISTED, weights)
 
 
-def test_gains_that_leave_a_pole_at_the_right_are_refused_however_alike_two_ways_find_them(
+def test_gains_that_leave_an_unstable_pole_are_refused_even_if_both_computations_agree(
     monkeypatch,
 ):
     monkeypatch.setattr(riccati, "AGREEMENT_REL", 1e300)
@@ -350,7 +350,7 @@ def test_gains_that_leave_a_pole_at_the_right_are_refused_however_alike_two_ways
         lq(LISTED, [0.0, 0.0, 0.0, 0.0, 1e-300])
 
 
-def test_a_damper_that_no_floating_point_samples_is_refused():
+def test_a_damper_too_strong_for_floating_point_is_refused():
     stiff = TwoMass(
         motor_inertia_kg_m2=1e-12,
         load_inertia_kg_m2=7e-12,
