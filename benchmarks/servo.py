@@ -16,7 +16,7 @@ from benchmarks.timing import interpreter_line, median_s
 from rig.drives.servo.setpoint import DriveController, MotorSetpoint
 from rig.studies.servo import bench
 from rig.studies.servo.controllers import CONTROLLERS, lqg
-from rig.studies.servo.spec import ServoSpec, load
+from rig.studies.servo.spec import ServoSpec, read_spec
 
 STEPS = 2000
 AHEAD = [MotorSetpoint(0.1 * k, 100.0, 10.0) for k in range(STEPS)]
@@ -24,8 +24,10 @@ AHEAD = [MotorSetpoint(0.1 * k, 100.0, 10.0) for k in range(STEPS)]
 
 def main() -> None:
     """Measure and print."""
-    spec = load(None)
-    print(interpreter_line(), end="\n\n")
+    spec = read_spec(None)
+    print(interpreter_line(), end="
+
+")
     print(f"{'controller':14s}{'us a step':>10s}")
     for name, design in CONTROLLERS.items():
         print(f"{name:14s}{_step_s(design(spec).controller) * 1e6:10.2f}")
@@ -65,7 +67,7 @@ def _python_control_s(spec: ServoSpec) -> float:
 
 def _sample_s(spec: ServoSpec, truth: str) -> float:
     joint, torques = (
-        bench.elastic_joint(spec.truth_tables(truth), 1),
+        bench.elastic_joint(spec.plant_variant_tables(truth), 1),
         itertools.cycle((0.5, 0.9, -0.2)),
     )
 

@@ -1,4 +1,4 @@
-"""Servo controllers without input or output: designed once, then one step a sample.
+"""Servo controllers, designed once and then executed as one step per sample.
 
-Imports planners only.
+No input, no output. Imports planners only.
 """

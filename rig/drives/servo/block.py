@@ -1,4 +1,4 @@
-"""A linear block as a drive runs it: sampled once by python-control, then one step a sample."""
+"""Discrete linear block: sampled once by python-control, then one step per sample."""
 
 from __future__ import annotations
 
@@ -9,25 +9,25 @@ import numpy as np
 from planners.trajectories.pieces import FloatArray
 from rig.drives.servo.errors import Improper, ServoError, check_below_nyquist, check_range
 
-SHORTEST_S, LONGEST_S = 1e-7, 10.0  # of a drive's sample time
+MIN_PERIOD_S, MAX_PERIOD_S = 1e-7, 10.0  # bounds of the sample time of a drive
 Method = Literal["bilinear", "zoh"]
 
 
 def check_period(period_s: float) -> None:
-    """Raises ServoError for a sample time that no drive has."""
+    """Check the sample time; raises ServoError outside MIN_PERIOD_S to MAX_PERIOD_S."""
     check_range(
-        "period_s", period_s, SHORTEST_S, LONGEST_S, "give the drive's sample time in seconds"
+        "period_s", period_s, MIN_PERIOD_S, MAX_PERIOD_S, "give the sample time of the drive in s"
     )
 
 
 def discretise(
     system: Any, period_s: float, *, method: Method = "bilinear", prewarp_rad_s: float | None = None
 ) -> Any:
-    """A continuous control.StateSpace or TransferFunction, sampled: bilinear (Tustin), exact at prewarp_rad_s if given,
-    or with its input held (zoh).
+    """Discretise a continuous control.StateSpace or control.TransferFunction.
 
-    Raises Improper for more zeros than poles, BeyondNyquist for a prewarp frequency the sampling cannot hold, ServoError for a
-    sample time out of bounds.
+    bilinear is Tustin's method, exact at prewarp_rad_s if given; zoh holds the input for a sample.
+    Raises Improper for more zeros than poles, BeyondNyquist for a prewarp frequency at or above the
+    Nyquist frequency, ServoError for a sample time out of bounds.
     """
     import control
 
@@ -36,10 +36,11 @@ def discretise(
         zeros, poles = len(system.num[0][0]) - 1, len(system.den[0][0]) - 1
         if zeros > poles:
             raise Improper(
-                f"a block with {zeros} zeros and {poles} poles; must have no more zeros than poles: filter it"
+                f"a block with {zeros} zeros and {poles} poles; must have no more zeros than "
+                "poles: add poles (a low-pass filter)"
             )
     if prewarp_rad_s is not None:
-        check_below_nyquist("prewarp_rad_s", prewarp_rad_s, period_s, "sample faster")
+        check_below_nyquist("prewarp_rad_s", prewarp_rad_s, period_s, "reduce the sample time")
     if method == "zoh":
         return control.sample_system(control.ss(system), period_s, method="zoh")
     return control.sample_system(
@@ -48,29 +49,31 @@ def discretise(
 
 
 class Block:
-    """y = C x + D u, then x = A x + B u. Starts at rest; inputs and outputs are plain floats."""
+    """Discrete state space with one output: y = C x + D u, then x = A x + B u.
+
+    Starts at rest. Inputs and outputs are plain floats.
+    """
 
     def __init__(self, system: Any) -> None:
-        """A discrete control.StateSpace with one output. Raises ServoError for another one."""
+        """Take a discrete control.StateSpace with one output; raises ServoError for another one."""
         if not system.dt or system.noutputs != 1:
             raise ServoError(
-                f"a block of {system.noutputs} outputs with sample time {system.dt}; must have one output and be sampled: "
-                "call discretise first"
+                f"a block of {system.noutputs} outputs with sample time {system.dt}; "
+                "must have one output and be sampled: call discretise first"
             )
         self.system = system
-        self._whole = np.block(
-            [[system.A, system.B], [system.C, system.D]]
-        )  # (n + 1, n + m): [x; u] to [next x; y]
+        # (n + 1, n + m): [x; u] to [next x; y]
+        self._matrix = np.block([[system.A, system.B], [system.C, system.D]])
         self._states = system.nstates
         self._x: FloatArray = np.zeros(system.nstates + system.ninputs)
 
     def step(self, *inputs: float) -> float:
-        """The output now, for the inputs now."""
+        """Compute the output for the inputs of this sample and advance the state."""
         self._x[self._states :] = inputs
-        after = self._whole @ self._x
-        self._x[: self._states] = after[:-1]
-        return float(after[-1])
+        next_x_and_y = self._matrix @ self._x
+        self._x[: self._states] = next_x_and_y[:-1]
+        return float(next_x_and_y[-1])
 
     def reset(self) -> None:
-        """Back to rest."""
+        """Set the state to rest."""
         self._x[:] = 0.0

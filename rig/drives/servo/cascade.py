@@ -1,9 +1,12 @@
-"""P on position around PI on speed, as most drives have it, with feed-forward, a notch filter and a torque limit.
+"""Cascade of P control of the position and PI control of the speed.
+
+With feed-forward, a notch filter and a torque limit:
 
     speed setpoint = N_up (Kpp (qm* - qm) + share qm*')
     torque = N_in (Kpv (1 + 1 / Tiv s) (speed setpoint - speed) + J qm*'')
 
-with a notch as N_in, inside the speed loop, or as N_up, upstream of it (source 001, notch filter); qm* is the Setpoint's.
+The notch is N_in (inside the speed loop) or N_up (upstream of it); the other one is 1 (source 001,
+notch filter). qm* is the angle of the MotorSetpoint.
 """
 
 from __future__ import annotations
@@ -30,20 +33,20 @@ from rig.drives.servo.wiring import (
     rename,
 )
 
-Where = Literal["inside", "upstream"]  # of the speed loop
+NotchPlacement = Literal["inside", "upstream"]  # relative to the speed loop
 
 
 @dataclass(frozen=True, kw_only=True)
 class Cascade:
-    """Gains of the cascade. Raises ServoError for values out of bounds."""
+    """Gains of the cascade; raises ServoError for values out of bounds."""
 
     speed_gain_n_m_s_rad: float  # Kpv
     reset_time_s: float  # Tiv
     position_gain_1_s: float  # Kpp
-    speed_filter_s: float = 0.0  # first-order, on the speed taken from the encoder
+    speed_filter_s: float = 0.0  # time constant of the first-order filter on the encoder speed
     torque_limit_n_m: float = math.inf
-    speed_feed_forward: float = 1.0  # share of the setpoint's speed
-    feed_forward_inertia_kg_m2: float = 0.0  # times the setpoint's acceleration
+    speed_feed_forward: float = 1.0  # share of the speed of the setpoint
+    feed_forward_inertia_kg_m2: float = 0.0  # times the acceleration of the setpoint
 
     def __post_init__(self) -> None:
         for name in ("speed_gain_n_m_s_rad", "reset_time_s", "position_gain_1_s"):
@@ -55,10 +58,10 @@ class Cascade:
             self.torque_limit_n_m,
             1e-12,
             math.inf,
-            "take it from the drive's data sheet",
+            "take it from the data sheet of the drive",
         )
         check_range(
-            "speed_feed_forward", self.speed_feed_forward, 0.0, 1.0, "1 follows a ramp without lag"
+            "speed_feed_forward", self.speed_feed_forward, 0.0, 1.0, "1 tracks a ramp without lag"
         )
 
     @classmethod
@@ -70,9 +73,11 @@ class Cascade:
         reset_time: float = 10.0,
         **others: float,
     ) -> Cascade:
-        """By omega_cv / omega_z, omega_cp / omega_z and Tiv omega_z: Kpv = omega_cv (Jm + Jlr), Kpp = omega_cp.
+        """Compute the gains from omega_cv / omega_z, omega_cp / omega_z and Tiv omega_z.
 
-        Source 001 gives its gains so without saying which inertia it means; the rigid one is inferred. others are fields.
+        Kpv = omega_cv (Jm + Jlr), Kpp = omega_cp; others are further fields of the class. Source
+        001 gives its gains in this form but not the inertia; the total inertia Jm + Jlr is
+        inferred.
         """
         omega = joint.antiresonance_rad_s
         return cls(
@@ -83,10 +88,13 @@ class Cascade:
         )
 
     def speed_loop(self, joint: TwoMass, notch: Notch | None = None) -> ControlLoop:
-        """Continuous, with a notch inside if given: speed_setpoint, motor_torque, load_torque to motor_speed, load_speed."""
+        """Build the continuous speed loop, with a notch inside it if given.
+
+        Inputs speed_setpoint, motor_torque, load_torque; outputs motor_speed, load_speed.
+        """
         import control
 
-        inner = [*self._inner(notch), _speeds(joint)]
+        inner = [*self._speed_blocks(notch), _speeds(joint)]
         outputs = ["motor_speed", "load_speed"]
         closed = interconnect([*inner, input_disturbance()], ["speed_setpoint", *TORQUES], outputs)
         forward = interconnect(inner, ["speed_setpoint", "torque"], ["drive_torque"])
@@ -95,23 +103,31 @@ class Cascade:
         )
 
     def position_loop(
-        self, joint: TwoMass, notch: Notch | None = None, where: Where = "inside"
+        self, joint: TwoMass, notch: Notch | None = None, where: NotchPlacement = "inside"
     ) -> ControlLoop:
-        """Continuous: the Setpoint, motor_torque, load_torque to motor_angle, motor_speed, load_angle, load_speed."""
-        inside, upstream = _placed(notch, where)
+        """Build the continuous position loop.
+
+        Inputs: those of the MotorSetpoint, motor_torque, load_torque; outputs: motor_angle,
+        motor_speed, load_angle, load_speed.
+        """
+        inside, upstream = _split_notch(notch, where)
         return position_loop(
-            joint, [*self._inner(inside), *self._outer(upstream and upstream.system)]
+            joint,
+            [*self._speed_blocks(inside), *self._position_blocks(upstream and upstream.system)],
         )
 
-    def sampled(self, period_s: float, notch: Notch | None = None, where: Where = "inside") -> Any:
-        """CascadeController as control.StateSpace, without the torque limit: from the Setpoint and motor_angle to drive_torque.
+    def sampled(
+        self, period_s: float, notch: Notch | None = None, where: NotchPlacement = "inside"
+    ) -> Any:
+        """Build the CascadeController without torque limit as control.StateSpace.
 
-        Raises ServoError for a sample time out of bounds, BeyondNyquist for a notch that it cannot hold.
+        From the MotorSetpoint and motor_angle to drive_torque. Raises ServoError for a sample time
+        out of bounds, BeyondNyquist for a notch at or above the Nyquist frequency.
         """
         import control
 
         check_period(period_s)
-        inside, upstream = (n and n.sampled(period_s) for n in _placed(notch, where))
+        inside, upstream = (n and n.sampled(period_s) for n in _split_notch(notch, where))
         a, kp = _filter_pole(self.speed_filter_s, period_s), self.speed_gain_n_m_s_rad
         share = (1.0 - a) / period_s
         ki = kp * period_s / self.reset_time_s
@@ -119,91 +135,96 @@ class Cascade:
             a, 1.0, share * (a - 1.0), share, period_s, inputs="motor_angle", outputs="speed"
         )
         pi = control.ss(1.0, ki, 1.0, kp + ki, period_s, inputs="speed_error", outputs="pi_torque")
-        blocks = [encoder, pi, *self._torques(inside), *self._outer(upstream)]
+        blocks = [encoder, pi, *self._torque_blocks(inside), *self._position_blocks(upstream)]
         return interconnect(blocks, [*SETPOINT, "motor_angle"], ["drive_torque"])
 
-    def _inner(self, notch: Notch | None) -> list[Any]:
-        """Speed to torque, continuous."""
+    def _speed_blocks(self, notch: Notch | None) -> list[Any]:
+        """Build the continuous blocks from speed to torque."""
         import control
 
         kp, ki = self.speed_gain_n_m_s_rad, self.speed_gain_n_m_s_rad / self.reset_time_s
         lag = control.tf([1.0], [self.speed_filter_s, 1.0]) if self.speed_filter_s else None
         encoder = rename(lag, "motor_speed", "speed")
         pi = control.ss(0.0, ki, 1.0, kp, inputs="speed_error", outputs="pi_torque")
-        return [encoder, pi, *self._torques(notch and notch.system)]
+        return [encoder, pi, *self._torque_blocks(notch and notch.system)]
 
-    def _torques(self, notch: Any | None) -> list[Any]:
+    def _torque_blocks(self, notch: Any | None) -> list[Any]:
+        """Build the blocks from speed error to torque, with a notch if given."""
         import control
 
         j = self.feed_forward_inertia_kg_m2
+        inputs = ["pi_torque", "setpoint_acceleration"]
         return [
             control.summing_junction(["speed_setpoint", "-speed"], "speed_error"),
-            control.ss(
-                [],
-                [],
-                [],
-                [[1.0, j]],
-                inputs=["pi_torque", "setpoint_acceleration"],
-                outputs="wanted_torque",
-            ),
-            rename(notch, "wanted_torque", "drive_torque"),
+            control.ss([], [], [], [[1.0, j]], inputs=inputs, outputs="controller_torque"),
+            rename(notch, "controller_torque", "drive_torque"),
         ]
 
-    def _outer(self, notch: Any | None) -> list[Any]:
+    def _position_blocks(self, notch: Any | None) -> list[Any]:
+        """Build the blocks from angle error to speed setpoint, with a notch if given."""
         import control
 
         gains = [[self.position_gain_1_s, self.speed_feed_forward]]
+        inputs = ["angle_error", "setpoint_speed"]
         return [
             control.summing_junction(["setpoint_angle", "-motor_angle"], "angle_error"),
-            control.ss(
-                [], [], [], gains, inputs=["angle_error", "setpoint_speed"], outputs="speed_wish"
-            ),
-            rename(notch, "speed_wish", "speed_setpoint"),
+            control.ss([], [], [], gains, inputs=inputs, outputs="unfiltered_speed_setpoint"),
+            rename(notch, "unfiltered_speed_setpoint", "speed_setpoint"),
         ]
 
 
 class CascadeController:
-    """The cascade at a sample time; a Controller.
+    """Sampled cascade; a DriveController.
 
-    The speed is the difference of two angles, then filtered. While the torque is limited, the integrator takes no error that
-    would drive it further.
+    The speed is the difference of two encoder angles, then filtered. Anti-windup: while the torque
+    is limited, the integrator accepts no error that would drive it further into the limit.
     """
 
     def __init__(
-        self, design: Cascade, period_s: float, notch: Notch | None = None, where: Where = "inside"
+        self,
+        design: Cascade,
+        period_s: float,
+        notch: Notch | None = None,
+        where: NotchPlacement = "inside",
     ) -> None:
-        """Raises ServoError for a sample time out of bounds, BeyondNyquist for a notch that it cannot hold."""
+        """Sample the design.
+
+        Raises ServoError for a sample time out of bounds, BeyondNyquist for a notch at or above the
+        Nyquist frequency.
+        """
         check_period(period_s)
-        self.design, self.period_s, self._notch = design, period_s, (notch, where)
+        self.design = design
+        self.period_s = period_s
+        self._notch = (notch, where)
         self._filter_pole = _filter_pole(design.speed_filter_s, period_s)
         self._integral_gain = design.speed_gain_n_m_s_rad * period_s / design.reset_time_s
         self._inside, self._upstream = (
-            n and Block(n.sampled(period_s)) for n in _placed(notch, where)
+            n and Block(n.sampled(period_s)) for n in _split_notch(notch, where)
         )
         self.reset()
 
     def step(self, setpoint: MotorSetpoint, motor_angle_rad: float) -> float:
-        """Torque [N m] to hold until the next sample."""
+        """Compute the torque [N m] to hold until the next sample."""
         d = self.design
-        wish = (
+        speed_setpoint = (
             d.position_gain_1_s * (setpoint.angle_rad - motor_angle_rad)
             + d.speed_feed_forward * setpoint.speed_rad_s
         )
         if self._upstream:
-            wish = self._upstream.step(wish)
-        error = wish - self._speed(motor_angle_rad)
-        push = self._integral_gain * error
-        torque = d.speed_gain_n_m_s_rad * error + self._integral + push
+            speed_setpoint = self._upstream.step(speed_setpoint)
+        error = speed_setpoint - self._speed(motor_angle_rad)
+        increment = self._integral_gain * error
+        torque = d.speed_gain_n_m_s_rad * error + self._integral + increment
         torque += d.feed_forward_inertia_kg_m2 * setpoint.acceleration_rad_s2
         if self._inside:
             torque = self._inside.step(torque)
         limited = min(max(torque, -d.torque_limit_n_m), d.torque_limit_n_m)
-        if limited == torque or push * torque < 0.0:
-            self._integral += push
+        if limited == torque or increment * torque < 0.0:
+            self._integral += increment
         return limited
 
     def reset(self) -> None:
-        """Back to rest at 0."""
+        """Set the state to rest at angle 0."""
         self._integral = self._last_angle = self._last_speed = 0.0
         for block in (self._inside, self._upstream):
             if block:
@@ -211,7 +232,7 @@ class CascadeController:
 
     @cached_property
     def system(self) -> Any:
-        """See Controller."""
+        """Linear system, see DriveController."""
         return self.design.sampled(self.period_s, *self._notch)
 
     def _speed(self, motor_angle_rad: float) -> float:
@@ -221,8 +242,8 @@ class CascadeController:
         return self._last_speed
 
 
-def _placed(notch: Notch | None, where: Where) -> tuple[Notch | None, Notch | None]:
-    """(inside, upstream)"""
+def _split_notch(notch: Notch | None, where: NotchPlacement) -> tuple[Notch | None, Notch | None]:
+    """Sort a notch into (inside, upstream); the other one is None."""
     return (notch, None) if where == "inside" else (None, notch)
 
 
@@ -231,7 +252,7 @@ def _filter_pole(filter_s: float, period_s: float) -> float:
 
 
 def _speeds(joint: TwoMass) -> Any:
-    """The joint without the pole of its angle: states qm', n ql' and qm - n ql."""
+    """Build the joint without its pole at 0: states qm', n ql' and qm - n ql."""
     import control
 
     a, b = joint.state_matrix, joint.input_matrix

@@ -1,4 +1,4 @@
-"""A torque disturbance observer as a drive runs it, and any controller with one around the joint."""
+"""Sampled torque disturbance observer, and a controller combined with one."""
 
 from __future__ import annotations
 
@@ -13,29 +13,39 @@ from rig.drives.servo.wiring import SETPOINT, interconnect
 
 
 class DisturbanceObserver:
-    """The observer at a sample time, by the bilinear transform.
+    """Observer at a sample time, by the bilinear transform.
 
-    A speed is the difference of two angles, which is its mean while the torque was held: bilinear, that is exact for a rigid
-    load without friction. An angle is of the end of that time, so the torque is led by half a sample. What is found acts a
-    sample later: the loop behaves like the continuous one with a time constant longer by the sample time.
+    The speed is the difference of two angles, i.e. its mean while the torque was held: with the
+    bilinear transform that is exact for a rigid load without friction. An angle belongs to the end
+    of that time, so the torque is led by half a sample. The estimate acts one sample later: the
+    loop behaves like the continuous one with a time constant longer by the sample time.
     """
 
     def __init__(self, design: ObserverDesign, period_s: float) -> None:
-        """Raises ServoError for a sample time out of bounds, BeyondNyquist for a Q with its corner beyond half the sampling."""
+        """Sample the design.
+
+        Raises ServoError for a sample time out of bounds, BeyondNyquist for a Q whose corner
+        frequency is at or above the Nyquist frequency.
+        """
         check_period(period_s)
         corner = 1.0 / design.low_pass.time_constant_s
         check_below_nyquist(
-            "1 / time_constant_s", corner, period_s, "sample faster, or take a longer time constant"
+            "1 / time_constant_s",
+            corner,
+            period_s,
+            "reduce the sample time, or use a longer time constant",
         )
         self.design, self.period_s = design, period_s
         self._difference = design.measured == "speed"
-        self._block = Block(
-            discretise(design.estimator(0.0 if self._difference else period_s / 2.0), period_s)
-        )
+        lead_s = 0.0 if self._difference else period_s / 2.0
+        self._block = Block(discretise(design.estimator(lead_s), period_s))
         self._last_angle = 0.0
 
     def step(self, torque_n_m: float, motor_angle_rad: float) -> float:
-        """Torque [N m] to add to the controller's, for the torque applied since the last sample and the encoder's angle now."""
+        """Compute the torque [N m] to add to that of the controller.
+
+        From the torque applied since the last sample and the encoder angle of this sample.
+        """
         if not self._difference:
             return self._block.step(torque_n_m, motor_angle_rad)
         speed = (motor_angle_rad - self._last_angle) / self.period_s
@@ -43,13 +53,13 @@ class DisturbanceObserver:
         return self._block.step(torque_n_m, speed)
 
     def reset(self) -> None:
-        """Back to rest at 0."""
+        """Set the state to rest at angle 0."""
         self._block.reset()
         self._last_angle = 0.0
 
     @property
     def system(self) -> Any:
-        """control.StateSpace from the torque applied_before and motor_angle to added_torque."""
+        """control.StateSpace from applied_before and motor_angle to added_torque."""
         import control
 
         if not self._difference:
@@ -60,16 +70,18 @@ class DisturbanceObserver:
         difference = control.ss(
             0.0, 1.0, -1.0 / t, 1.0 / t, t, inputs="motor_angle", outputs="speed"
         )
-        own = control.ss(
+        block = control.ss(
             self._block.system, inputs=["applied_before", "speed"], outputs="added_torque"
         )
-        return interconnect([difference, own], ["applied_before", "motor_angle"], ["added_torque"])
+        return interconnect(
+            [difference, block], ["applied_before", "motor_angle"], ["added_torque"]
+        )
 
 
 class Compensated:
-    """Any Controller with a disturbance observer around the joint; a Controller itself.
+    """DriveController with a disturbance observer; a DriveController itself.
 
-    The observer is told the torque that was applied, after the limit.
+    The observer receives the torque applied, i.e. after the limit.
     """
 
     def __init__(
@@ -78,43 +90,41 @@ class Compensated:
         observer: DisturbanceObserver,
         torque_limit_n_m: float = math.inf,
     ) -> None:
-        """Raises ServoError for a limit that is not > 0."""
+        """Combine both; raises ServoError for a limit that is not > 0."""
         check_range(
             "torque_limit_n_m",
             torque_limit_n_m,
             1e-12,
             math.inf,
-            "take it from the drive's data sheet",
+            "take it from the data sheet of the drive",
         )
-        self.controller, self.observer, self.torque_limit_n_m = (
-            controller,
-            observer,
-            torque_limit_n_m,
-        )
+        self.controller = controller
+        self.observer = observer
+        self.torque_limit_n_m = torque_limit_n_m
         self._applied = 0.0
 
     def step(self, setpoint: MotorSetpoint, motor_angle_rad: float) -> float:
-        """Torque [N m] to hold until the next sample."""
+        """Compute the torque [N m] to hold until the next sample."""
         added = self.observer.step(self._applied, motor_angle_rad)
-        wanted = self.controller.step(setpoint, motor_angle_rad) + added
-        self._applied = min(max(wanted, -self.torque_limit_n_m), self.torque_limit_n_m)
+        total = self.controller.step(setpoint, motor_angle_rad) + added
+        self._applied = min(max(total, -self.torque_limit_n_m), self.torque_limit_n_m)
         return self._applied
 
     def reset(self) -> None:
-        """Back to rest at 0."""
+        """Set the state to rest at angle 0."""
         self.controller.reset()
         self.observer.reset()
         self._applied = 0.0
 
     @property
     def system(self) -> Any:
-        """See Controller."""
+        """Linear system, see DriveController."""
         import control
 
-        own = control.ss(
-            self.controller.system, inputs=[*SETPOINT, "motor_angle"], outputs="wanted_torque"
+        controller = control.ss(
+            self.controller.system, inputs=[*SETPOINT, "motor_angle"], outputs="controller_torque"
         )
-        before = control.ss(
+        delay = control.ss(
             0.0,
             1.0,
             1.0,
@@ -123,7 +133,9 @@ class Compensated:
             inputs="drive_torque",
             outputs="applied_before",
         )
-        both = control.summing_junction(["wanted_torque", "added_torque"], "drive_torque")
+        total = control.summing_junction(["controller_torque", "added_torque"], "drive_torque")
         return interconnect(
-            [own, self.observer.system, before, both], [*SETPOINT, "motor_angle"], ["drive_torque"]
+            [controller, self.observer.system, delay, total],
+            [*SETPOINT, "motor_angle"],
+            ["drive_torque"],
         )

@@ -1,4 +1,4 @@
-"""What a drive is asked for at one sample, and the contract of everything that answers with a torque."""
+"""Setpoint of a drive for one sample, and the interface of every drive controller."""
 
 from __future__ import annotations
 
@@ -6,7 +6,10 @@ from typing import Any, NamedTuple, Protocol
 
 
 class MotorSetpoint(NamedTuple):
-    """Where the load should be, told at the motor's shaft: n times the load's angle and its derivatives."""
+    """Setpoint of the load, seen at the motor shaft.
+
+    n times the angle of the load, and its derivatives.
+    """
 
     angle_rad: float
     speed_rad_s: float = 0.0
@@ -14,18 +17,27 @@ class MotorSetpoint(NamedTuple):
 
 
 class DriveController(Protocol):
-    """One step a sample, no input or output of its own. Starts at rest at 0."""
+    """Controller with one step per sample, without input or output of its own.
+
+    Starts at rest at angle 0.
+    """
 
     def step(self, setpoint: MotorSetpoint, motor_angle_rad: float) -> float:
-        """Torque [N m] to hold until the next sample, for the encoder's angle now."""
+        """Compute the torque [N m] to hold until the next sample.
+
+        From setpoint and encoder angle of this sample.
+        """
         ...
 
     def reset(self) -> None:
-        """Back to rest at 0."""
+        """Set the state to rest at angle 0."""
         ...
 
     @property
     def system(self) -> Any:
-        """While no limit is met: control.StateSpace from setpoint_angle, setpoint_speed, setpoint_acceleration and motor_angle
-        to drive_torque. For design and tests, not for the loop."""
+        """Linear system while no limit is active, for design and tests.
+
+        control.StateSpace from setpoint_angle, setpoint_speed, setpoint_acceleration and
+        motor_angle to drive_torque.
+        """
         ...

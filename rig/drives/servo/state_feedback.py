@@ -1,9 +1,10 @@
-"""State feedback with integral action for an elastic joint: by eigenvalues that are asked for, or by a quadratic cost.
+"""State feedback with integral action for an elastic joint: pole placement or LQ.
 
-    z = [qm, qm', n ql, n ql', xI],  xI' = reference - qm,  z' = F z + G u,  u = +K x + kI xI     (source 001, integral action)
+    z = [qm, qm', n ql, n ql', xI],  xI' = reference - qm,  z' = F z + G u,  u = +K x + kI xI
 
-One input leaves no freedom: the eigenvalues decide the gains. Ackermann's formula serves, in units in which it is well
-conditioned; it assigns repeated eigenvalues as well, which the robust methods for several inputs refuse.
+(source 001, integral action). With one input the eigenvalues determine the gains. Ackermann's
+formula is used, in units in which it is well conditioned; it also assigns repeated eigenvalues,
+which the robust methods for several inputs refuse.
 """
 
 from __future__ import annotations
@@ -17,24 +18,23 @@ import numpy as np
 
 from planners.trajectories.pieces import ComplexArray, FloatArray
 from rig.drives.servo.block import check_period
-from rig.drives.servo.controllability import Units, check_controllable, own_units
-from rig.drives.servo.errors import PolesOutOfReach, ServoError, check_below_nyquist, check_range
+from rig.drives.servo.controllability import Units, check_controllable, joint_units
+from rig.drives.servo.errors import PolesNotAssignable, ServoError, check_below_nyquist, check_range
 from rig.drives.servo.loops import LoopAnalysis, analyse_loop
-from rig.drives.servo.riccati import least_cost
+from rig.drives.servo.riccati import lq_gains
 from rig.drives.servo.two_mass import TwoMass
 
-SETTLING = (
-    1e-9  # real part of the slowest pole to be had, as a share of the fastest: below it is rounding
-)
-MAX_SAMPLED_ENTRY = 1e9  # of A period in sample units: the exponential of a larger one is rounding in its seventh digit
+MIN_DECAY_REL = 1e-9  # real part of the slowest over the fastest pole; below it is rounding
+# entry of A period in sample units; above it the exponential is wrong in its seventh digit
+MAX_SAMPLED_ENTRY = 1e9
 
 
 @dataclass(frozen=True)
 class Feedback:
-    """Gains with the source's sign, u = +K x + kI xI; lqr routines return them for u = -K z, so the source's
-    `K = lqr(...)` lacks a minus (erratum of its LQ slide).
+    """Gains with the sign of source 001, u = +K x + kI xI.
 
-    Raises ServoError for gains that are not four, or not finite.
+    lqr routines return gains for u = -K z, so the `K = lqr(...)` of the source lacks a minus
+    (erratum of its LQ slide). Raises ServoError for gains that are not four, or not finite.
     """
 
     gains: tuple[float, float, float, float]  # K: N m/rad, N m s/rad, N m/rad, N m s/rad
@@ -45,21 +45,25 @@ class Feedback:
             map(math.isfinite, (*self.gains, self.integral_gain_n_m_rad_s))
         ):
             raise ServoError(
-                f"gains = {self.gains}, {self.integral_gain_n_m_rad_s}; must be four and one, all finite"
+                f"gains = {self.gains}, {self.integral_gain_n_m_rad_s}; "
+                "must be four and one, all finite"
             )
 
     @property
     def row(self) -> FloatArray:
-        """[K, kI] (5,)."""
+        """Row [K, kI] (5,)."""
         return np.array([*self.gains, self.integral_gain_n_m_rad_s])
 
     def poles_1_s(self, joint: TwoMass) -> ComplexArray:
-        """The five of F + G [K, kI]."""
+        """Compute the five poles of F + G [K, kI]."""
         f, g = augmented(joint)
         return np.asarray(np.linalg.eigvals(f + np.outer(g, self.row)), dtype=np.complex128)
 
-    def facts(self, joint: TwoMass) -> LoopAnalysis:
-        """With every state measured: opened at the motor's torque, closed from reference to motor angle."""
+    def analyse(self, joint: TwoMass) -> LoopAnalysis:
+        """Analyse the loop with every state measured.
+
+        Opened at the motor torque, closed from reference to motor angle.
+        """
         import control
 
         f, g = augmented(joint)
@@ -68,10 +72,13 @@ class Feedback:
         return analyse_loop(opened, closed)
 
     def sampled(self, joint: TwoMass, period_s: float) -> Feedback:
-        """The gains that give the sampled joint, its torque held, the same poles, at exp(pole period), with
-        xI += period (reference - qm): no sample time makes it unstable. They tend to these as the period shrinks.
+        """Compute the gains that give the sampled joint the same poles, at exp(pole period).
 
-        Raises PolesOutOfReach for poles beyond half the sampling, BeyondNyquist for a joint that swings faster than that.
+        The torque is held, and xI += period (reference - qm). The loop is stable at any sample
+        time. The gains tend to the continuous ones as the period tends to 0.
+
+        Raises PolesNotAssignable for poles at or above the Nyquist frequency, BeyondNyquist for a
+        joint with such a resonance.
         """
         f, g = sampled_joint(joint, period_s)
         delta, column = np.zeros((5, 5)), np.append(g / period_s, 0.0)
@@ -86,7 +93,7 @@ class Feedback:
 
 
 def augmented(joint: TwoMass) -> tuple[FloatArray, FloatArray]:
-    """F (5, 5) and G (5,) of the joint with the integral of reference - qm as fifth state."""
+    """Build F (5, 5) and G (5,): the joint with the integral of reference - qm as fifth state."""
     f = np.zeros((5, 5))
     f[:4, :4] = joint.state_matrix
     f[4, 0] = -1.0
@@ -94,54 +101,55 @@ def augmented(joint: TwoMass) -> tuple[FloatArray, FloatArray]:
 
 
 def augmented_units(joint: TwoMass) -> Units:
-    """The joint's own units, and rad times the unit of time for the integral."""
-    units = own_units(joint)
+    """Choose the units of the joint, and rad times the unit of time for the integral."""
+    units = joint_units(joint)
     return Units(np.append(units.states, 1.0 / units.rate_1_s), units.rate_1_s)
 
 
 def sampled_joint(joint: TwoMass, period_s: float) -> tuple[FloatArray, FloatArray]:
-    """exp(A period) (4, 4) and the effect (4,) of a motor torque held for a period.
+    """Compute exp(A period) (4, 4) and the effect (4,) of a motor torque held for a period.
 
-    Raises ServoError for a sample time out of bounds or too long for the joint in floating point, BeyondNyquist when the joint
-    swings faster than half the sampling.
+    Raises ServoError for a sample time out of bounds or too long for the joint in floating point,
+    BeyondNyquist for a joint with a resonance at or above the Nyquist frequency.
     """
     from scipy.linalg import expm
 
     check_period(period_s)
     fastest_rad_s = float(np.max(np.abs(joint.poles_1_s.imag)))
     check_below_nyquist(
-        "the joint's resonance",
+        "resonance of the joint",
         fastest_rad_s,
         period_s,
-        "sample faster, or treat the joint as rigid",
+        "reduce the sample time, or model the joint as rigid",
     )
-    units, whole = sample_units(period_s), np.zeros((5, 5))
-    whole[:4, :4] = units.matrix(joint.state_matrix)
-    whole[:4, 4] = joint.input_matrix[:, 0] / units.states / units.rate_1_s
-    largest = float(np.max(np.abs(whole[:4, :4])))
+    units, extended = sample_units(period_s), np.zeros((5, 5))
+    extended[:4, :4] = units.matrix(joint.state_matrix)
+    extended[:4, 4] = joint.input_matrix[:, 0] / units.states / units.rate_1_s
+    largest = float(np.max(np.abs(extended[:4, :4])))
     if not largest <= MAX_SAMPLED_ENTRY:
         fastest_1_s = float(np.max(np.abs(joint.poles_1_s)))
         raise ServoError(
-            f"period_s = {period_s:g} for a joint with a pole at -{fastest_1_s:.3g} 1/s: the largest entry of its sampled "
-            f"equations is {largest:.3g}; must be <= {MAX_SAMPLED_ENTRY:g} to hold in floating point: "
-            "sample faster, lower its damping, or treat it as rigid"
+            f"period_s = {period_s:g} for a joint with a pole at -{fastest_1_s:.3g} 1/s: the "
+            f"largest entry of its sampled equations is {largest:.3g}; must be <= "
+            f"{MAX_SAMPLED_ENTRY:g} for floating point: reduce the sample time, lower the damping, "
+            "or model the joint as rigid"
         )
-    after = np.asarray(expm(whole))[:4]
+    after = np.asarray(expm(extended))[:4]
     return after[:, :4] * units.states[:, None] / units.states, after[:, 4] * units.states
 
 
 def sample_units(period_s: float) -> Units:
-    """Angles in rad, speeds in rad a sample, time in samples."""
+    """Choose angles in rad, speeds in rad per sample, time in samples."""
     return Units(np.array([1.0, 1.0 / period_s, 1.0, 1.0 / period_s]), 1.0 / period_s)
 
 
 def assign(
     joint: TwoMass, poles_1_s: Sequence[complex] | ComplexArray, period_s: float | None = None
 ) -> Feedback:
-    """Gains that give the joint with its integrator these five poles.
+    """Design the gains that give the joint with integral action these five poles.
 
-    Raises NotReachable, and PolesOutOfReach for poles that are not conjugate, not five, not in the left half plane, or, with a
-    sample time, beyond half the sampling.
+    Raises NotControllable. Raises PolesNotAssignable for poles that are not conjugate, not five,
+    not in the left half plane, or, with a sample time, at or above the Nyquist frequency.
     """
     f, g = augmented(joint)
     wanted, units = check_poles(poles_1_s, 5, period_s), augmented_units(joint)
@@ -152,24 +160,25 @@ def assign(
 def lq(
     joint: TwoMass, weights: Sequence[float] | FloatArray, torque_weight: float = 1.0
 ) -> Feedback:
-    """Gains that minimise the integral of sum_i weights_i z_i^2 + torque_weight u^2 (source 001, optimal LQ control).
+    """Design the gains that minimise the integral of sum_i weights_i z_i^2 + torque_weight u^2.
 
-    Raises NotReachable; ServoError unless weights (5,) are >= 0 and finite with that of the integral > 0, else the integral
-    costs nothing and nothing would bring it home, and for weights so far apart that rounding decides the gains.
+    Source 001, optimal LQ control. Raises NotControllable. Raises ServoError unless weights (5,)
+    are >= 0 and finite with that of the integral > 0 (without it the integral state would not
+    decay), and for weights so far apart that rounding decides the gains.
     """
     q = np.asarray(weights, dtype=np.float64)
     if q.shape != (5,) or not (np.all(np.isfinite(q)) and np.all(q >= 0.0) and q[4] > 0.0):
         raise ServoError(
-            f"weights = {q.tolist()}; must be five for qm, qm', n ql, n ql' and the integral, all >= 0 and the last > 0: "
-            "start with the error's and the integral's"
+            f"weights = {q.tolist()}; must be five for qm, qm', n ql, n ql' and the integral, "
+            "all >= 0 and the last > 0: start with those of the angles and of the integral"
         )
-    check_range("torque_weight", torque_weight, 1e-12, 1e12, "1 leaves the scale to the weights")
+    check_range("torque_weight", torque_weight, 1e-12, 1e12, "use 1 and scale the weights")
     f, g = augmented(joint)
     units = augmented_units(joint)
     check_controllable(f, g, units)
     given = f"weights = {q.tolist()}, torque_weight = {torque_weight}"
     return _feedback(
-        -least_cost(
+        -lq_gains(
             f, g, np.diag(q), torque_weight, units, given, "bring the weights closer together"
         )
     )
@@ -178,40 +187,52 @@ def lq(
 def check_poles(
     poles_1_s: Sequence[complex] | ComplexArray, count: int, period_s: float | None = None
 ) -> ComplexArray:
-    """The poles as an array. Raises PolesOutOfReach for those that no real gains assign, that are unstable, or that are too
-    fast for a sample time."""
+    """Convert poles to an array and check them.
+
+    Raises PolesNotAssignable for poles that no real gains assign, that are unstable, or that are
+    too fast for the sample time.
+    """
     wanted = np.asarray(poles_1_s, dtype=np.complex128)
     if wanted.shape != (count,):
-        raise PolesOutOfReach(
-            f"poles of shape {wanted.shape}; must be ({count},), one a state: add or leave out some"
+        raise PolesNotAssignable(
+            f"poles of shape {wanted.shape}; must be ({count},), one per state: add or remove some"
         )
-    least_1_s = -SETTLING * float(np.max(np.abs(wanted)))
+    least_1_s = -MIN_DECAY_REL * float(np.max(np.abs(wanted)))
     for pole in wanted.tolist():
         if not (math.isfinite(abs(pole)) and pole.real < least_1_s):
-            raise PolesOutOfReach(
-                f"a pole at {pole:.6g} 1/s; must be finite, its real part < {least_1_s:.3g}: it would not settle"
+            raise PolesNotAssignable(
+                f"a pole at {pole:.6g} 1/s; must be finite, its real part < {least_1_s:.3g}: "
+                "choose a pole that decays"
             )
         if _count(wanted, pole.conjugate()) != _count(wanted, pole):
-            raise PolesOutOfReach(
-                f"a pole at {pole:.6g} 1/s without its conjugate; must come in pairs: real gains know no others"
+            raise PolesNotAssignable(
+                f"a pole at {pole:.6g} 1/s without its conjugate; complex poles must be conjugate "
+                "pairs: add the conjugate pole"
             )
         if period_s is not None and not abs(pole) < math.pi / period_s:
-            raise PolesOutOfReach(
-                f"a pole at {pole:.6g} 1/s with a sample time of {period_s:g} s; its size must be < {math.pi / period_s:.6g}, "
-                "half the sampling: ask for slower ones or sample faster"
+            raise PolesNotAssignable(
+                f"a pole at {pole:.6g} 1/s with a sample time of {period_s:g} s; its absolute "
+                f"value must be < {math.pi / period_s:.6g}, the Nyquist frequency: choose slower "
+                "poles or reduce the sample time"
             )
     return wanted
 
 
 def sampled_rates(poles_1_s: ComplexArray, period_s: float) -> ComplexArray:
-    """(exp(p period) - 1) / period: eigenvalues of (sampled state matrix - 1) / period, which tends to the continuous one."""
+    """Compute (exp(p period) - 1) / period, eigenvalues of (sampled state matrix - 1) / period.
+
+    That matrix tends to the continuous one as the period tends to 0.
+    """
     return np.asarray(np.expm1(poles_1_s * period_s) / period_s, dtype=np.complex128)
 
 
 def assign_eigenvalues(
     a: FloatArray, b: FloatArray, eigenvalues: ComplexArray, units: Units
 ) -> FloatArray:
-    """k (n,) such that a + b k has these eigenvalues (Ackermann 1972), worked out in the units given."""
+    """Compute k (n,) such that a + b k has these eigenvalues (Ackermann 1972).
+
+    Computed in the units given.
+    """
     scaled, column = units.matrix(a), b / units.states / units.rate_1_s
     krylov = [column]
     for _ in range(len(a) - 1):
@@ -219,14 +240,13 @@ def assign_eigenvalues(
     wanted = np.zeros_like(scaled)
     for coefficient in np.real(np.poly(eigenvalues / units.rate_1_s)):
         wanted = wanted @ scaled + coefficient * np.eye(len(a))
-    last = np.linalg.solve(
-        np.array(krylov), np.eye(len(a))[-1]
-    )  # of the inverse of the reachability matrix
+    # last row of the inverse of the controllability matrix
+    last = np.linalg.solve(np.array(krylov), np.eye(len(a))[-1])
     return np.asarray(-(last @ wanted) / units.states)
 
 
 def _count(poles_1_s: ComplexArray, pole: complex) -> int:
-    return int(np.sum(np.abs(poles_1_s - pole) <= SETTLING * abs(pole)))
+    return int(np.sum(np.abs(poles_1_s - pole) <= MIN_DECAY_REL * abs(pole)))
 
 
 def _feedback(row: Any) -> Feedback:

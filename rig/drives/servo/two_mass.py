@@ -1,8 +1,10 @@
-"""What a drive believes of an elastic joint: two masses, a spring and a damper, all of it linear.
+"""Linear model of an elastic joint: two masses, a spring and a damper.
 
-    Jm qm'' + Dm qm' = tau - (Del s + Kel)(qm - n ql),   Jlr n ql'' + Dlr n ql' = (Del s + Kel)(qm - n ql) + tau_l / n
+    Jm qm'' + Dm qm' = tau - (Del s + Kel)(qm - n ql)
+    Jlr n ql'' + Dlr n ql' = (Del s + Kel)(qm - n ql) + tau_l / n
 
-seen from the motor: Jlr = Jl / n^2, Dlr = Dl / n^2 (source 001, elastic joint; its input matrix lacks 1 / Jm).
+seen from the motor: Jlr = Jl / n^2, Dlr = Dl / n^2 (source 001, elastic joint; its input matrix
+lacks 1 / Jm).
 """
 
 from __future__ import annotations
@@ -22,9 +24,10 @@ MAY_BE_ZERO = ("motor_friction_n_m_s_rad", "load_friction_n_m_s_rad", "elastic_d
 
 @dataclass(frozen=True, kw_only=True)
 class TwoMass:
-    """Data as catalogues give them: the load about the output shaft, spring and damper at the motor's side of the gear.
+    """Parameters as catalogues give them.
 
-    Raises ServoError for values that are not 1e-12 to 1e12 (frictions and the damper may be 0).
+    Load at the output shaft; spring and damper at the motor side of the gear. Raises ServoError for
+    values that are not 1e-12 to 1e12 (frictions and the damper may be 0).
     """
 
     motor_inertia_kg_m2: float
@@ -47,9 +50,10 @@ class TwoMass:
         antiresonance_damping: float,
         inertia_kg_m2: float = 1.0,
     ) -> TwoMass:
-        """By omega_z, rho = Jlr / Jm, zeta_z and Jm + Jlr, without gear and friction (source 001, its simulations).
+        """Build a joint from omega_z, rho = Jlr / Jm, zeta_z and Jm + Jlr.
 
-        Raises ServoError for values that are no such joint; zeta_z may be 0 to 1.
+        Without gear and friction (source 001, its simulations). Raises ServoError for values out of
+        bounds; zeta_z is 0 to 1.
         """
         check_datum("antiresonance_rad_s", antiresonance_rad_s)
         check_datum("inertia_ratio", inertia_ratio)
@@ -58,7 +62,7 @@ class TwoMass:
             antiresonance_damping,
             0.0,
             1.0,
-            "more than critical damping is no elastic joint",
+            "choose at most critical damping",
         )
         load = inertia_kg_m2 * inertia_ratio / (1.0 + inertia_ratio)
         return cls(
@@ -70,32 +74,35 @@ class TwoMass:
 
     @property
     def reflected_inertia_kg_m2(self) -> float:
-        """Jlr, the load's inertia felt at the motor."""
+        """Jlr, inertia of the load seen at the motor."""
         return self.load_inertia_kg_m2 / self.gear_ratio**2
 
     @property
     def reflected_friction_n_m_s_rad(self) -> float:
-        """Dlr, the load's friction felt at the motor."""
+        """Dlr, friction of the load seen at the motor."""
         return self.load_friction_n_m_s_rad / self.gear_ratio**2
 
     @property
     def rigid_inertia_kg_m2(self) -> float:
-        """Jm + Jlr."""
+        """Inertia Jm + Jlr of the rigid joint."""
         return self.motor_inertia_kg_m2 + self.reflected_inertia_kg_m2
 
     @property
     def rigid_friction_n_m_s_rad(self) -> float:
-        """Dm + Dlr."""
+        """Friction Dm + Dlr of the rigid joint."""
         return self.motor_friction_n_m_s_rad + self.reflected_friction_n_m_s_rad
 
     @property
     def antiresonance_rad_s(self) -> float:
-        """omega_z = sqrt(Kel / Jlr): where the load swings while the motor stands."""
+        """Antiresonance omega_z = sqrt(Kel / Jlr).
+
+        Natural frequency of the load with locked rotor.
+        """
         return math.sqrt(self.stiffness_n_m_rad / self.reflected_inertia_kg_m2)
 
     @property
     def state_matrix(self) -> FloatArray:
-        """A (4, 4) of x = [qm, qm', n ql, n ql']."""
+        """Matrix A (4, 4) of x = [qm, qm', n ql, n ql']."""
         jm, jl, k = self.motor_inertia_kg_m2, self.reflected_inertia_kg_m2, self.stiffness_n_m_rad
         d, dm, dl = (
             self.elastic_damping_n_m_s_rad,
@@ -113,16 +120,18 @@ class TwoMass:
 
     @property
     def input_matrix(self) -> FloatArray:
-        """B (4, 2): torque of the motor, and torque on the load divided by n."""
+        """Matrix B (4, 2): torque of the motor, and torque on the load divided by n."""
         b = np.zeros((4, 2))
         b[1, 0], b[3, 1] = 1.0 / self.motor_inertia_kg_m2, 1.0 / self.reflected_inertia_kg_m2
         return b
 
     @cached_property
     def plant(self) -> Any:
-        """control.StateSpace with inputs motor_torque, load_torque (at the motor's side of the gear) and the four states
-        as outputs: motor_angle, motor_speed, load_angle, load_speed (the load's times n). Select by name, e.g.
-        plant["motor_speed", "motor_torque"].
+        """Joint as control.StateSpace.
+
+        Inputs motor_torque and load_torque (at the motor side of the gear); outputs are the four
+        states motor_angle, motor_speed, load_angle, load_speed (those of the load times n). Select
+        by name, e.g. plant["motor_speed", "motor_torque"].
         """
         import control
 
@@ -137,18 +146,27 @@ class TwoMass:
 
     @property
     def motor_numerator(self) -> FloatArray:
-        """Jlr s^2 + (Del + Dlr) s + Kel, highest power first: of motor angle over motor torque, with `denominator`."""
+        """Numerator of motor angle over motor torque, with `denominator`.
+
+        Jlr s^2 + (Del + Dlr) s + Kel, highest power first.
+        """
         d = self.elastic_damping_n_m_s_rad + self.reflected_friction_n_m_s_rad
         return np.array([self.reflected_inertia_kg_m2, d, self.stiffness_n_m_rad])
 
     @property
     def load_numerator(self) -> FloatArray:
-        """Del s + Kel: of n times the load's angle over motor torque, with `denominator`."""
+        """Numerator of n times the load angle over motor torque, with `denominator`.
+
+        Del s + Kel, highest power first.
+        """
         return np.array([self.elastic_damping_n_m_s_rad, self.stiffness_n_m_rad])
 
     @property
     def denominator(self) -> FloatArray:
-        """Of the angles, 4th degree: (Jm s^2 + Dm s)(Jlr s^2 + (Del + Dlr) s + Kel) + (Jlr s^2 + Dlr s)(Del s + Kel)."""
+        """Denominator of the angles, degree 4, highest power first.
+
+        (Jm s^2 + Dm s)(Jlr s^2 + (Del + Dlr) s + Kel) + (Jlr s^2 + Dlr s)(Del s + Kel).
+        """
         motor = np.array([self.motor_inertia_kg_m2, self.motor_friction_n_m_s_rad, 0.0])
         load = np.array([self.reflected_inertia_kg_m2, self.reflected_friction_n_m_s_rad, 0.0])
         return np.asarray(
@@ -159,13 +177,17 @@ class TwoMass:
 
     @property
     def poles_1_s(self) -> ComplexArray:
-        """Of the speeds: the pole at 0 of the angle is left out (one more at 0 without any friction)."""
+        """Poles of the speeds.
+
+        The pole at 0 of the angle is left out (one more is at 0 without any friction).
+        """
         return np.asarray(np.roots(self.denominator[:-1]), dtype=np.complex128)
 
     def check_elastic(self) -> None:
-        """Raises ServoError when no pair of poles swings, so that there is nothing to damp."""
+        """Check that the joint oscillates; raises ServoError without a complex pole pair."""
         if not np.any(np.abs(self.poles_1_s.imag) > 0.0):
             raise ServoError(
-                f"elastic_damping_n_m_s_rad = {self.elastic_damping_n_m_s_rad} makes a joint that does not swing; must leave "
-                "a pair of complex poles: lower it, or treat the joint as rigid"
+                f"elastic_damping_n_m_s_rad = {self.elastic_damping_n_m_s_rad} makes a joint that "
+                "does not oscillate; must leave a complex pole pair: lower it, or model the joint "
+                "as rigid"
             )

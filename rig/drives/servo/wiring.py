@@ -1,4 +1,4 @@
-"""Loops of named blocks: what bears the same name is connected."""
+"""Interconnection of blocks by signal name."""
 
 from __future__ import annotations
 
@@ -7,23 +7,21 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planners.trajectories.pieces import ComplexArray
-from rig.drives.servo.loops import LoopAnalysis, analyse_loop, continuous
+from rig.drives.servo.loops import LoopAnalysis, analyse_loop, continuous_equivalents
 from rig.drives.servo.two_mass import TwoMass
 
 SETPOINT = ["setpoint_angle", "setpoint_speed", "setpoint_acceleration"]
-TORQUES = [
-    "motor_torque",
-    "load_torque",
-]  # disturbances of every loop, at the motor's side of the gear
+TORQUES = ["motor_torque", "load_torque"]  # disturbances, at the motor side of the gear
 STATES = ["motor_angle", "motor_speed", "load_angle", "load_speed"]
-HIDDEN = 1e-7  # a mode that the setpoint reaches less than this (1 = fully) is cancelled
+CANCELLED_REL = 1e-7  # a mode less controllable from the setpoint (1 = fully) is cancelled
 
 
 class ControlLoop(NamedTuple):
-    """opened at the plant's input, L = P C with negative feedback; closed from setpoint and disturbances to the joint.
+    """Opened and closed form of one loop, control.StateSpace, continuous or sampled.
 
-    control.StateSpace both, continuous or sampled. closed keeps modes that a notch cancels. setpoint and output name its
-    main channel.
+    opened is the loop transfer function L = P C at the plant input, with negative feedback; closed
+    goes from setpoint and disturbances to the joint, and keeps modes that a notch cancels. setpoint
+    and output name its main channel.
     """
 
     opened: Any
@@ -32,35 +30,44 @@ class ControlLoop(NamedTuple):
     output: str
 
     @property
-    def facts(self) -> LoopAnalysis:
-        """Poles (hidden ones too), zeros of the main channel, margins at the plant's input, condition of the eigenvectors."""
+    def analysis(self) -> LoopAnalysis:
+        """Analysis of the loop: margins at the plant input, condition number.
+
+        Poles of the closed loop, cancelled ones too; zeros of the main channel.
+        """
         return analyse_loop(self.opened, self.closed[self.output, self.setpoint])
 
     @property
-    def shown_poles_1_s(self) -> ComplexArray:
-        """Those that the setpoint reaches."""
-        return self._poles(hidden=False)
+    def controllable_poles_1_s(self) -> ComplexArray:
+        """Poles that are controllable from the setpoint."""
+        return self._poles(cancelled=False)
 
     @property
-    def hidden_poles_1_s(self) -> ComplexArray:
-        """Those that a notch cancels: the setpoint never moves them, a disturbance does (Popov-Belevitch-Hautus test)."""
-        return self._poles(hidden=True)
+    def cancelled_poles_1_s(self) -> ComplexArray:
+        """Poles that a notch cancels.
 
-    def _poles(self, *, hidden: bool) -> ComplexArray:
+        Not controllable from the setpoint, but excited by a disturbance (PBH test).
+        """
+        return self._poles(cancelled=True)
+
+    def _poles(self, *, cancelled: bool) -> ComplexArray:
         from scipy.linalg import matrix_balance
 
         column = self.closed.find_input(self.setpoint)
         balanced, scale = matrix_balance(self.closed.A, permute=False)
-        push = self.closed.B[:, column] / np.diag(scale)
-        found, left = np.linalg.eig(balanced.T)
-        reach = np.abs(left.T @ push) / np.linalg.norm(push)
-        kept = np.asarray(found[(reach < HIDDEN) == hidden], dtype=np.complex128)
-        return continuous(kept, self.closed.dt)
+        input_column = self.closed.B[:, column] / np.diag(scale)
+        eigenvalues, left = np.linalg.eig(balanced.T)
+        measure = np.abs(left.T @ input_column) / np.linalg.norm(input_column)
+        kept = np.asarray(eigenvalues[(measure < CANCELLED_REL) == cancelled], dtype=np.complex128)
+        return continuous_equivalents(kept, self.closed.dt)
 
 
 def position_loop(joint: TwoMass, controller: list[Any], period_s: float = 0.0) -> ControlLoop:
-    """Blocks from setpoint_angle, setpoint_speed, setpoint_acceleration and motor_angle or motor_speed to drive_torque, around
-    the joint; with a sample time, sampled blocks around a joint whose torque is held.
+    """Close a position loop around the joint.
+
+    The blocks of the controller go from setpoint_angle, setpoint_speed, setpoint_acceleration and
+    motor_angle or motor_speed to drive_torque. With a sample time: sampled blocks around a joint
+    whose torque is held.
     """
     import control
 
@@ -73,31 +80,37 @@ def position_loop(joint: TwoMass, controller: list[Any], period_s: float = 0.0) 
 
 
 def plant(joint: TwoMass, period_s: float = 0.0) -> Any:
-    """joint.plant from torque and load_torque; with a sample time, both held for it."""
+    """Name the signals of joint.plant for a loop.
+
+    Inputs torque and load_torque; with a sample time both are held.
+    """
     import control
 
-    plant = control.sample_system(joint.plant, period_s, method="zoh") if period_s else joint.plant
-    return control.ss(plant, inputs=["torque", "load_torque"], outputs=STATES)
+    system = joint.plant
+    if period_s:
+        system = control.sample_system(system, period_s, method="zoh")
+    return control.ss(system, inputs=["torque", "load_torque"], outputs=STATES)
 
 
 def rename(system: Any | None, source: str, target: str) -> Any:
-    """The block under its names; without one what comes goes through."""
+    """Name input and output of a block; None is a gain of 1."""
     import control
 
-    passing = control.ss([], [], [], [[1.0]])
-    return control.ss(passing if system is None else system, inputs=source, outputs=target)
+    if system is None:
+        system = control.ss([], [], [], [[1.0]])
+    return control.ss(system, inputs=source, outputs=target)
 
 
 def input_disturbance() -> Any:
-    """The drive's torque and a disturbance of the motor, in one."""
+    """Add a disturbance torque on the motor to the torque of the drive."""
     import control
 
     return control.summing_junction(["drive_torque", "motor_torque"], "torque")
 
 
 def interconnect(blocks: list[Any], inputs: list[str], outputs: list[str]) -> Any:
-    """Connect what bears the same name (control.StateSpace)."""
+    """Interconnect blocks by signal name (control.StateSpace)."""
     import control
 
-    whole = control.interconnect(blocks, inputs=inputs, outputs=outputs, check_unused=False)
-    return control.ss(whole, inputs=inputs, outputs=outputs)
+    system = control.interconnect(blocks, inputs=inputs, outputs=outputs, check_unused=False)
+    return control.ss(system, inputs=inputs, outputs=outputs)

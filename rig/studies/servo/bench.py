@@ -1,4 +1,4 @@
-"""Door to the simulated elastic joint: a `[bench]` section in, a plant out."""
+"""Factory of the simulated elastic joint; the only import of sim_rig."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ from sim_rig.joint_params import Joint
 
 
 def elastic_joint(tables: dict[str, Any], seed: int, section: str = "bench") -> ElasticJoint:
-    """The world of a drive's study from that section; raises ConfigError naming section, key, value and bound."""
+    """Build the simulated plant of a drive study from a section.
+
+    Raises ConfigError naming section, key, value and bound.
+    """
     try:
         return ElasticJoint(convert(tables, Joint, section), seed)
     except ValueError as error:

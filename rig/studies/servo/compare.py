@@ -1,4 +1,4 @@
-"""Every controller on every move and every truth of a comparison."""
+"""Runs of every controller on every move and every plant variant of a comparison."""
 
 from __future__ import annotations
 
@@ -14,70 +14,77 @@ from rig.drives.servo.wiring import position_loop
 from rig.errors import ConfigError
 from rig.studies.servo import bench
 from rig.studies.servo.controllers import CONTROLLERS, Drive
-from rig.studies.servo.move_on_bench import MoveMetrics, Recording, outcome, run
+from rig.studies.servo.move_on_bench import MoveMetrics, Recording, move_metrics, run_move
 from rig.studies.servo.spec import ServoSpec
 
-MOST_SAMPLES = 2_000_000  # some minutes
+MAX_SAMPLES = 2_000_000  # of all runs; some minutes of computation
 UNPUBLISHED_NOTE = (
-    "Source 001 publishes the joint's constants and the moves; its gains are not published and its traces are lost: the gains",
-    "here are ours, so it is the ranking that is comparable. Its PID feeds the speed ahead, as pid does; lqg feeds the torque",
+    "Source 001 publishes the joint's constants and the moves; its gains are not published and its "
+    "traces are lost: the gains",
+    "here are ours, so it is the ranking that is comparable. Its PID feeds the speed ahead, as pid "
+    "does; lqg feeds the torque",
     "ahead as well. pid_ff does that, too, and shows what of the residual is owed to it.",
 )
 
 
 class ControllerRun(NamedTuple):
-    """One run."""
+    """Run of one controller on one move and one plant variant."""
 
-    truth: str
+    plant_variant: str
     move: int  # from 1
     title: str
     controller: str
-    late_s: float  # by which the controller is meant to be later
+    delay_s: float  # intended delay of the controller behind the reference
     outcome: MoveMetrics
     recording: Recording
 
 
-def built(spec: ServoSpec, controllers: Sequence[str]) -> dict[str, Drive]:
-    """By name. Raises PlanError for a controller nobody knows, ServoError for gains that cannot be had."""
+def build_drives(spec: ServoSpec, controllers: Sequence[str]) -> dict[str, Drive]:
+    """Build controllers by name.
+
+    Raises PlanError for an unknown name, ServoError for a design that is not possible.
+    """
     for name in controllers:
         if name not in CONTROLLERS:
             raise unknown_name("--controllers", name, CONTROLLERS)
     return {name: CONTROLLERS[name](spec) for name in controllers}
 
 
-def designs(spec: ServoSpec, drives: Mapping[str, Drive]) -> dict[str, LoopAnalysis]:
-    """Every controller's sampled loop around the joint that is believed in: opened at the motor's torque, closed from the
-    setpoint's angle to the motor's.
+def analyse_drives(spec: ServoSpec, drives: Mapping[str, Drive]) -> dict[str, LoopAnalysis]:
+    """Analyse the sampled loop of every controller around the modelled joint.
+
+    Opened at the motor torque, closed from the angle of the setpoint to that of the motor.
     """
     return {
-        name: position_loop(spec.joint, [drive.loop], spec.drive.period_s).facts
+        name: position_loop(spec.joint, [drive.loop], spec.drive.period_s).analysis
         for name, drive in drives.items()
     }
 
 
 def compare(
-    spec: ServoSpec, truths: Sequence[str], drives: Mapping[str, Drive]
+    spec: ServoSpec, variants: Sequence[str], drives: Mapping[str, Drive]
 ) -> Iterator[ControllerRun]:
-    """Runs one after the other, all of a truth and a move together.
+    """Run the controllers one after the other, all of a plant variant and a move together.
 
-    Raises ConfigError, before the first run, for a truth that the file has not or that is none, and for too much work.
+    Before the first run it raises ConfigError for a plant variant that is missing in the file or
+    not valid, and for too many samples.
     """
     paths = [move.trajectory(spec.model.gear_ratio) for move in spec.move]
-    tables = {truth: spec.truth_tables(truth) for truth in truths}
+    tables = {variant: spec.plant_variant_tables(variant) for variant in variants}
     bench.elastic_joint(spec.bench, spec.seed)
-    for truth in truths:
-        bench.elastic_joint(tables[truth], spec.seed, f"truth.{truth}")
-    _check_work(spec, truths, drives)
-    order = product(truths, range(len(paths)), drives)
+    for variant in variants:
+        bench.elastic_joint(tables[variant], spec.seed, f"truth.{variant}")
+    _check_work(spec, variants, drives)
+    order = product(variants, range(len(paths)), drives)
     return (
-        _run(spec, truth, tables[truth], move, paths[move], name, drives[name])
-        for truth, move, name in order
+        _run(spec, variant, tables[variant], move, paths[move], name, drives[name])
+        for variant, move, name in order
     )
 
 
 def _run(
     spec: ServoSpec,
-    truth: str,
+    variant: str,
     table: dict[str, Any],
     move: int,
     path: Trajectory,
@@ -85,31 +92,33 @@ def _run(
     drive: Drive,
 ) -> ControllerRun:
     drive.controller.reset()
-    recording = run(
+    recording = run_move(
         bench.elastic_joint(table, spec.seed),
         drive.controller,
         path,
         spec.model.gear_ratio,
         spec.drive.period_s,
         rest_s=spec.rest_s,
-        watch_s=drive.late_s + spec.watch_s,
+        watch_s=drive.delay_s + spec.watch_s,
     )
     limit = min(spec.drive.torque_limit_n_m, table.get("torque_limit_n_m", math.inf))
-    found = outcome(recording, drive.late_s, limit)
+    found = move_metrics(recording, drive.delay_s, limit)
     return ControllerRun(
-        truth, move + 1, spec.move[move].title, name, drive.late_s, found, recording
+        variant, move + 1, spec.move[move].title, name, drive.delay_s, found, recording
     )
 
 
-def _check_work(spec: ServoSpec, truths: Sequence[str], drives: Mapping[str, Drive]) -> None:
-    """Raises ConfigError for more samples than anybody waits for."""
+def _check_work(spec: ServoSpec, variants: Sequence[str], drives: Mapping[str, Drive]) -> None:
+    """Check the number of samples; raises ConfigError above MAX_SAMPLES."""
     around = spec.rest_s + spec.watch_s
-    seconds = len(truths) * sum(
-        around + move.time_s + drive.late_s for move in spec.move for drive in drives.values()
+    seconds = len(variants) * sum(
+        around + move.time_s + drive.delay_s for move in spec.move for drive in drives.values()
     )
-    samples, slower_s = seconds / spec.drive.period_s, seconds / MOST_SAMPLES
-    if samples > MOST_SAMPLES:
+    samples, slower_s = seconds / spec.drive.period_s, seconds / MAX_SAMPLES
+    if samples > MAX_SAMPLES:
         raise ConfigError(
-            f"[drive] period_s = {spec.drive.period_s:g} makes {samples:.3g} samples of {seconds:.3g} s on the bench; must be "
-            f"<= {MOST_SAMPLES:.0g}, some minutes: sample every {slower_s:.2g} s or slower, or name fewer truths or controllers"
+            f"[drive] period_s = {spec.drive.period_s:g} makes {samples:.3g} samples of "
+            f"{seconds:.3g} s on the bench; must be <= {MAX_SAMPLES:.0g}, some minutes of "
+            f"computation: sample every {slower_s:.2g} s or slower, or select fewer plant variants "
+            "or controllers"
         )

@@ -1,4 +1,4 @@
-"""The controllers of a comparison by name, each designed for the joint that is believed in."""
+"""Controllers of a comparison by name, each designed for the modelled joint."""
 
 from __future__ import annotations
 
@@ -14,63 +14,67 @@ from rig.drives.servo.disturbance_observer import Compensated, DisturbanceObserv
 from rig.drives.servo.errors import ServoError
 from rig.drives.servo.estimator import Estimator, Noise, SampledEstimator, sampled_kalman
 from rig.drives.servo.estimator import assign as assign_estimator
-from rig.drives.servo.feed_forward import LoadFilter, least_degree
-from rig.drives.servo.loops import PolePair, swinging
+from rig.drives.servo.feed_forward import LoadFilter, min_relative_degree
+from rig.drives.servo.loops import PolePair, oscillatory_pairs
 from rig.drives.servo.lqg import StateSpaceController
 from rig.drives.servo.notch import Notch
 from rig.drives.servo.setpoint import DriveController, MotorSetpoint
-from rig.drives.servo.shaped_setpoint import ShapedSetpoint, design
+from rig.drives.servo.shaped_setpoint import ShapedSetpoint, design_shaper
 from rig.drives.servo.state_feedback import Feedback, assign, lq
 from rig.drives.servo.wiring import ControlLoop
 from rig.studies.servo.spec import ServoSpec
 
-FILTER_DONE_SHARE = 1e-3  # of a step: what a filter may still have to go when it counts as done
+FILTER_DONE_SHARE = 1e-3  # band of the settling time of a filter, share of the step
 
 
 class Drive(NamedTuple):
-    """A controller, by how much it is meant to be later than its setpoint, what of it is within the loop if not all is, and
-    how it was tuned.
+    """Controller with its intended delay, the part of it in the loop, and a tuning note.
+
+    loop_controller is None if all of it is in the loop.
     """
 
     controller: DriveController
-    late_s: float = 0.0
-    within: DriveController | None = None
+    delay_s: float = 0.0
+    loop_controller: DriveController | None = None
     note: str = ""
 
     @property
     def loop(self) -> Any:
-        """The system (see Controller) that closes the loop."""
-        return (self.within or self.controller).system
+        """System that closes the loop, see DriveController."""
+        return (self.loop_controller or self.controller).system
 
 
 class Shaped:
-    """A controller behind a shaper; a Controller itself."""
+    """DriveController with an input shaper; a DriveController itself."""
 
     def __init__(self, shaper: ShapedSetpoint, controller: DriveController) -> None:
         self._shaper, self._controller = shaper, controller
 
     def step(self, setpoint: MotorSetpoint, motor_angle_rad: float) -> float:
-        """Torque [N m] for the shaped setpoint."""
+        """Compute the torque [N m] for the shaped setpoint."""
         return self._controller.step(self._shaper.step(setpoint), motor_angle_rad)
 
     def reset(self) -> None:
-        """Back to rest at 0."""
+        """Set the state to rest at angle 0."""
         self._shaper.reset()
         self._controller.reset()
 
     @property
     def system(self) -> Any:
-        """Of the loop, which a shaper is outside of."""
+        """System of the controller alone, as the shaper is outside of the loop."""
         return self._controller.system
 
 
 def pid(spec: ServoSpec) -> Drive:
-    """P on the position, PI on the speed, speed feed-forward: what source 001 calls PID."""
+    """Build P on the position, PI on the speed and speed feed-forward: PID of source 001."""
     return Drive(CascadeController(_cascade(spec), spec.drive.period_s))
 
 
 def pid_ff(spec: ServoSpec) -> Drive:
-    """With the torque of the rigid inertia fed ahead as well, as the state-space controllers have it."""
+    """Build pid with torque feed-forward of the rigid inertia.
+
+    The state-space controllers have it too.
+    """
     inertia = spec.pid.feed_forward * spec.joint.rigid_inertia_kg_m2
     return Drive(
         CascadeController(
@@ -80,42 +84,49 @@ def pid_ff(spec: ServoSpec) -> Drive:
 
 
 def pid_notch(spec: ServoSpec) -> Drive:
-    """With a notch upstream of the speed loop, on that loop's least damped pair."""
+    """Build pid with a notch upstream of the speed loop, on its least damped pair."""
     cascade = _cascade(spec)
     pair = _least_damped("pid_notch", cascade.speed_loop(spec.joint))
-    notch = Notch.tuned_to(pair, spec.helpers.notch_damping)
-    note = f"a notch at {pair.frequency_rad_s:.1f} rad/s, damping {pair.damping:.3f}, upstream of the speed loop"
+    notch = Notch.tuned_to(pair, spec.compensators.notch_damping)
+    note = (
+        f"a notch at {pair.frequency_rad_s:.1f} rad/s, damping {pair.damping:.3f}, "
+        "upstream of the speed loop"
+    )
     return Drive(CascadeController(cascade, spec.drive.period_s, notch, "upstream"), note=note)
 
 
 def pid_observer(spec: ServoSpec) -> Drive:
-    """With a torque disturbance observer that believes in the motor alone."""
-    low_pass = LowPass(time_constant_s=spec.helpers.observer_time_s)
+    """Build pid with a torque disturbance observer; nominal model: the motor alone."""
+    low_pass = LowPass(time_constant_s=spec.compensators.observer_time_s)
     observer = ObserverDesign(low_pass=low_pass, nominal=Nominal.motor_alone(spec.joint))
     inner = CascadeController(_cascade(spec), spec.drive.period_s)
     compensated = Compensated(
         inner, DisturbanceObserver(observer, spec.drive.period_s), spec.drive.torque_limit_n_m
     )
-    return Drive(
-        compensated,
-        note=f"T_f = {1e3 * spec.helpers.observer_time_s:g} ms, the motor alone as nominal",
-    )
+    time_ms = 1e3 * spec.compensators.observer_time_s
+    return Drive(compensated, note=f"T_f = {time_ms:g} ms, nominal model: the motor alone")
 
 
 def pid_shaped(spec: ServoSpec) -> Drive:
-    """Behind a shaper for the position loop's least damped pair, which the load shows."""
+    """Build pid with a shaper for the least damped pair of the position loop."""
     cascade, period_s = _cascade(spec), spec.drive.period_s
     pair = _least_damped("pid_shaped", cascade.position_loop(spec.joint))
-    shaper = design(spec.helpers.shaper, [pair], period_s)
+    shaper = design_shaper(spec.compensators.shaper, [pair], period_s)
     inner = CascadeController(cascade, period_s)
-    note = f"{spec.helpers.shaper} for {pair.frequency_rad_s:.1f} rad/s, damping {pair.damping:.3f}, the position loop's own pair"
+    note = (
+        f"{spec.compensators.shaper} for {pair.frequency_rad_s:.1f} rad/s, damping "
+        f"{pair.damping:.3f}, the least damped pair of the position loop"
+    )
     return Drive(
         Shaped(ShapedSetpoint(shaper, period_s), inner), float(shaper.times_s[-1]), note=note
     )
 
 
 def assigned(spec: ServoSpec) -> Drive:
-    """State feedback and Luenberger observer with the eigenvalues of the file, rigid feed-forward."""
+    """Build state feedback and Luenberger observer by assigned eigenvalues.
+
+    With rigid feed-forward.
+    """
     a, period_s = spec.assigned, spec.drive.period_s
     feedback = assign(spec.joint, [complex(*pole) for pole in a.poles_1_s], period_s)
     estimator = assign_estimator(
@@ -125,13 +136,13 @@ def assigned(spec: ServoSpec) -> Drive:
 
 
 def lqg(spec: ServoSpec) -> Drive:
-    """Quadratic cost and Kalman filter, rigid feed-forward."""
+    """Build LQ feedback and Kalman filter, with rigid feed-forward."""
     return Drive(_state_space(spec, *_optimal(spec), "rigid"))
 
 
 def lqg_ff(spec: ServoSpec) -> Drive:
-    """The same with the feed-forward pair C1, C2: the load follows the filter F0."""
-    load_filter = LoadFilter.binomial(least_degree(spec.joint), spec.lqg.corner_rad_s)
+    """Build lqg with the feed-forward pair C1, C2: the load follows the filter F0."""
+    load_filter = LoadFilter.binomial(min_relative_degree(spec.joint), spec.lqg.corner_rad_s)
     controller = _state_space(spec, *_optimal(spec), "dynamic", load_filter)
     note = f"F0 = 1 / (1 + s / {spec.lqg.corner_rad_s:g})^{load_filter.relative_degree}"
     return Drive(controller, _settling_s(load_filter), lqg(spec).controller, note)
@@ -158,10 +169,13 @@ def _cascade(spec: ServoSpec) -> Cascade:
 
 
 def _least_damped(name: str, loop: ControlLoop) -> PolePair:
-    pair = min(swinging(loop.facts.poles_1_s), key=lambda mode: mode.damping, default=None)
+    pair = min(
+        oscillatory_pairs(loop.analysis.poles_1_s), key=lambda mode: mode.damping, default=None
+    )
     if pair is None:
         raise ServoError(
-            f"{name} on a loop that does not swing; must have a pair of complex poles: leave {name} out"
+            f"{name} on a loop that does not oscillate; must have a complex pole pair: "
+            f"remove {name} from --controllers"
         )
     return pair
 
@@ -182,7 +196,7 @@ def _state_space(
     spec: ServoSpec,
     feedback: Feedback,
     estimator: Estimator | SampledEstimator,
-    ahead: str,
+    feed_forward: str,
     load_filter: LoadFilter | None = None,
 ) -> DriveController:
     return StateSpaceController(
@@ -191,18 +205,18 @@ def _state_space(
         estimator,
         spec.drive.period_s,
         torque_limit_n_m=spec.drive.torque_limit_n_m,
-        feed_forward=ahead,
+        feed_forward=feed_forward,
         load_filter=load_filter,
     )
 
 
 def _settling_s(load_filter: LoadFilter) -> float:
-    """When its step response is within SETTLED of 1 for good."""
+    """Compute the settling time of a step through the filter, band FILTER_DONE_SHARE."""
     import control
 
     slowest = -max(root.real for root in np.roots(load_filter.denominator))
     t = np.linspace(0.0, 30.0 / slowest, 3001)
-    step = control.step_response(
-        control.tf(load_filter.numerator, load_filter.denominator), t
-    ).outputs
-    return float(t[np.flatnonzero(np.abs(step - 1.0) > FILTER_DONE_SHARE)[-1] + 1])
+    system = control.tf(load_filter.numerator, load_filter.denominator)
+    step = control.step_response(system, t).outputs
+    last_outside = np.flatnonzero(np.abs(step - 1.0) > FILTER_DONE_SHARE)[-1]
+    return float(t[last_outside + 1])

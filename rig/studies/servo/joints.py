@@ -1,4 +1,7 @@
-"""The joints a study is made of: source 001's rig, as listed and as fitted, or the [model] of a comparison file."""
+"""Joints of the studies.
+
+That of source 001 as listed and as fitted, or the [model] of a comparison file.
+"""
 
 from __future__ import annotations
 
@@ -8,28 +11,31 @@ import msgspec
 
 from planners.errors import unknown_name
 from rig.drives.servo.two_mass import TwoMass
-from rig.studies.servo.spec import load
+from rig.studies.servo.spec import read_spec
 
-JOINTS = (
-    "listed",
-    "fitted",
-)  # the second is inferred: the printed modes do not follow from the listed constants
+# fitted is inferred: the printed modes do not follow from the listed constants
+JOINTS = ("listed", "fitted")
+FITTED_NOTE = (
+    "Fitted: the constants that have all five printed modes of source 001's rig; they are "
+    "inferred, not published."
+)
 
 
 def named_joint(name: str, others: tuple[str, ...] = ()) -> TwoMass:
-    """The harmonic drive, or what a file believes in. others are names that the caller knows besides.
+    """Find a joint by name: listed, fitted, or the [model] of a file.
 
-    Raises PlanError for an unknown name, ConfigError for a file that is no comparison, ServoError for a value out of bounds.
+    others are further names that the caller knows. Raises PlanError for an unknown name,
+    ConfigError for a file that is no comparison, ServoError for a value out of bounds.
     """
     if name in JOINTS:
-        return rig_joint(name)
+        return source_joint(name)
     if name.endswith(".toml"):
-        return load(Path(name)).joint
+        return read_spec(Path(name)).joint
     raise unknown_name("--joint", name, (*JOINTS, *others, "FILE.toml (its [model])"))
 
 
-def rig_joint(name: str) -> TwoMass:
-    """The harmonic drive: listed, or fitted."""
-    spec = load(None)
+def source_joint(name: str) -> TwoMass:
+    """Build the harmonic drive of source 001: listed, or fitted."""
+    spec = read_spec(None)
     changes = spec.truth["fitted"] if name == "fitted" else {}
     return TwoMass(**(msgspec.structs.asdict(spec.model) | changes))

@@ -1,4 +1,4 @@
-"""One controller moves one bench: a step a sample, everything recorded."""
+"""Move of a simulated joint under one controller: one step per sample, all recorded."""
 
 from __future__ import annotations
 
@@ -13,97 +13,101 @@ from planners.trajectories.trajectory import Trajectory
 from rig.drives.servo.setpoint import DriveController, MotorSetpoint
 from rig.errors import RunFailed
 
-SETTLED_SPEED_SHARE = 0.01  # of the largest reference speed
-QUIET = 0.2  # of a run's samples after the move: its end, where the torque is that of rest
-AT_LIMIT = 0.999  # of the limit: torque there is limited
-ARRIVED = 0.01  # of the move: a load farther than this from its goal has not arrived
+SETTLED_SPEED_SHARE = 0.01  # band of the settling time, share of the largest reference speed
+REST_SHARE = 0.2  # last share of the samples after the move, for the torque at rest
+LIMIT_SHARE = 0.999  # share of the torque limit; torque above it counts as limited
+ARRIVED_SHARE = 0.01  # final error of a load that reached its goal, share of the move
 
 
 class Measurement(Protocol):
-    """What the sensors say now."""
+    """Sensor values of one sample."""
 
     @property
     def motor_angle_rad(self) -> float:
-        """By the encoder."""
+        """Angle of the motor by the encoder."""
         ...
 
     @property
     def load_acceleration_rad_s2(self) -> float:
-        """By the accelerometer, at the load's shaft."""
+        """Acceleration of the load shaft by the accelerometer."""
         ...
 
 
 class JointTruth(Protocol):
-    """What only records, analysis and tests may know."""
+    """State of the simulated joint, for records, analysis and tests only."""
 
     @property
     def load_angle_rad(self) -> float:
-        """At the load's shaft."""
+        """Angle of the load shaft."""
         ...
 
     @property
     def load_speed_rad_s(self) -> float:
-        """At the load's shaft."""
+        """Speed of the load shaft."""
         ...
 
     @property
     def applied_torque_n_m(self) -> float:
-        """Of the motor, within its limit."""
+        """Torque of the motor, within its limit."""
         ...
 
     @property
     def integration_error_rad(self) -> float:
-        """The bench's bound of its own error, at the motor."""
+        """Bound of the integration error of the simulation, at the motor."""
         ...
 
 
 class JointPlant(Protocol):
-    """A joint behind its drive, real or simulated."""
+    """Joint with its drive, real or simulated."""
 
     def advance(self, torque_n_m: float, duration_s: float) -> None:
-        """Hold the torque for one sample."""
+        """Hold the torque for a duration."""
         ...
 
     def read(self) -> Measurement:
-        """The sensors."""
+        """Read the sensors."""
         ...
 
     def truth(self) -> JointTruth:
-        """The bench's own state."""
+        """Return the state of the simulation."""
         ...
 
 
 class Recording(NamedTuple):
-    """A run; every array (N,), the load's at its own shaft."""
+    """Recording of a run; every array (N,), those of the load at its own shaft."""
 
     t_s: FloatArray
     end_s: float  # of the reference
-    reference_rad: FloatArray  # where the load should be
+    reference_rad: FloatArray  # reference of the load
     reference_rad_s: FloatArray
     load_rad: FloatArray  # truth
     load_rad_s: FloatArray  # truth
-    measured_rad_s: FloatArray  # the load's speed by integrating its accelerometer
-    torque_n_m: FloatArray  # that the motor really made, held from this sample to the next
-    integration_error_rad: float  # the bench's own bound, at the motor
+    measured_rad_s: FloatArray  # speed of the load by integration of its accelerometer
+    torque_n_m: FloatArray  # applied torque, held from this sample to the next
+    integration_error_rad: float  # bound of the simulation, at the motor
 
 
 class MoveMetrics(NamedTuple):
-    """What a run amounts to; the residual is the largest |speed| of the load after the end of the move."""
+    """Figures of a run.
+
+    The residual is the largest |speed| of the load after the end of the move.
+    """
 
     residual: float  # share of the largest reference speed
-    residual_measured: float  # the same by the accelerometer
-    settled_s: float  # from the end of the move as asked until |speed| stays below SETTLED of the largest one; inf if never
-    speed_error: float  # rms of move and watch against the move as asked, share likewise
-    overshoot_deg: float  # of the load beyond the goal
-    final_error_deg: float  # of the load beyond the goal, at the end of the watch
-    arrived: bool  # within ARRIVED of the move
+    residual_measured: float  # the same from the accelerometer
+    # settling time from the end of the reference, band SETTLED_SPEED_SHARE; inf if never
+    settled_s: float
+    speed_error: float  # rms against the reference from the start of the move, share likewise
+    overshoot_deg: float  # excess of the load angle over the goal
+    final_error_deg: float  # the same at the end of the recording, signed
+    arrived: bool  # final error within ARRIVED_SHARE of the move
     peak_torque_n_m: float
     rms_torque_n_m: float  # over the move
-    rest_torque_n_m: float  # rms over the end of the watch: what the encoder's steps, or friction, keep the loop doing
-    at_limit_s: float  # for how long the torque was all there is
+    rest_torque_n_m: float  # rms over REST_SHARE: limit cycle by encoder steps or friction
+    at_limit_s: float  # duration of limited torque
 
 
-def run(
+def run_move(
     bench: JointPlant,
     controller: DriveController,
     trajectory: Trajectory,
@@ -113,42 +117,45 @@ def run(
     rest_s: float,
     watch_s: float,
 ) -> Recording:
-    """Rest, move along the trajectory (angle of the motor [rad]), and watch; the bench must be at rest at its start.
+    """Rest, move along the trajectory (angle of the motor [rad]), and watch.
 
-    Time is 0 at the start of the move. Raises RunFailed when the bench cannot go on, e.g. under a controller that is unstable.
+    The bench must be at rest at its start. Time is 0 at the start of the move. Raises RunFailed
+    when the bench cannot continue, e.g. with an unstable controller.
     """
     before = math.ceil(rest_s / period_s - 1e-9)
     after = math.ceil((trajectory.duration_s + watch_s) / period_s - 1e-9) + 1
     t = period_s * np.arange(-before, after, dtype=np.float64)
-    wanted = np.stack(
-        [trajectory.at(np.clip(t, 0.0, trajectory.duration_s), order) for order in range(3)], axis=1
-    )
-    wanted[(t < 0.0) | (t >= trajectory.duration_s), 1:] = 0.0
+    inside = np.clip(t, 0.0, trajectory.duration_s)
+    setpoints = np.stack([trajectory.at(inside, order) for order in range(3)], axis=1)
+    setpoints[(t < 0.0) | (t >= trajectory.duration_s), 1:] = 0.0
     rows = np.empty((t.size, 4))
-    for k, setpoint in enumerate(wanted.tolist()):
+    for k, setpoint in enumerate(setpoints.tolist()):
         reading, truth = bench.read(), bench.truth()
         rows[k, :3] = truth.load_angle_rad, truth.load_speed_rad_s, reading.load_acceleration_rad_s2
         _hold(bench, controller.step(MotorSetpoint(*setpoint), reading.motor_angle_rad), period_s)
         rows[k, 3] = bench.truth().applied_torque_n_m
     return Recording(
-        t,
-        trajectory.duration_s,
-        wanted[:, 0] / gear_ratio,
-        wanted[:, 1] / gear_ratio,
-        rows[:, 0],
-        rows[:, 1],
-        _speed(rows[:, 2], period_s, before),
-        rows[:, 3],
-        bench.truth().integration_error_rad,
+        t_s=t,
+        end_s=trajectory.duration_s,
+        reference_rad=setpoints[:, 0] / gear_ratio,
+        reference_rad_s=setpoints[:, 1] / gear_ratio,
+        load_rad=rows[:, 0],
+        load_rad_s=rows[:, 1],
+        measured_rad_s=_speed(rows[:, 2], period_s, before),
+        torque_n_m=rows[:, 3],
+        integration_error_rad=bench.truth().integration_error_rad,
     )
 
 
-def outcome(
-    recording: Recording, late_s: float = 0.0, torque_limit_n_m: float = math.inf
+def move_metrics(
+    recording: Recording, delay_s: float = 0.0, torque_limit_n_m: float = math.inf
 ) -> MoveMetrics:
-    """Figures of a run whose reference moves, under a controller that is meant to be late_s later, with a torque limit."""
+    """Compute the figures of a run whose reference moves.
+
+    delay_s is the intended delay of the controller; the torque limit is that of drive and bench.
+    """
     r = recording
-    after, moving = r.t_s >= r.end_s + late_s, (r.t_s >= 0.0) & (r.t_s < r.end_s + late_s)
+    after, moving = r.t_s >= r.end_s + delay_s, (r.t_s >= 0.0) & (r.t_s < r.end_s + delay_s)
     fastest, goal = float(np.abs(r.reference_rad_s).max()), float(r.reference_rad[-1])
     beyond = (r.load_rad - goal) * math.copysign(1.0, goal)
     return MoveMetrics(
@@ -161,14 +168,16 @@ def outcome(
         / fastest,
         overshoot_deg=math.degrees(max(0.0, float(beyond.max()))),
         final_error_deg=math.degrees(float(beyond[-1])),
-        arrived=bool(abs(beyond[-1]) <= ARRIVED * abs(goal)),
+        arrived=bool(abs(beyond[-1]) <= ARRIVED_SHARE * abs(goal)),
         peak_torque_n_m=float(np.abs(r.torque_n_m).max()),
         rms_torque_n_m=float(np.sqrt(np.mean(r.torque_n_m[moving] ** 2))),
         rest_torque_n_m=float(
-            np.sqrt(np.mean(r.torque_n_m[-max(1, int(QUIET * np.count_nonzero(after))) :] ** 2))
+            np.sqrt(
+                np.mean(r.torque_n_m[-max(1, int(REST_SHARE * np.count_nonzero(after))) :] ** 2)
+            )
         ),
         at_limit_s=float(
-            np.count_nonzero(np.abs(r.torque_n_m) >= AT_LIMIT * torque_limit_n_m)
+            np.count_nonzero(np.abs(r.torque_n_m) >= LIMIT_SHARE * torque_limit_n_m)
             * (r.t_s[1] - r.t_s[0])
         ),
     )
@@ -178,17 +187,21 @@ def _hold(bench: JointPlant, torque_n_m: float, period_s: float) -> None:
     try:
         bench.advance(torque_n_m, period_s)
     except ValueError as error:
-        raise RunFailed(f"the bench stopped: {error}") from None
+        raise RunFailed(f"the simulated joint cannot continue: {error}") from None
 
 
 def _settled_s(t_s: FloatArray, moves: NDArray[np.bool_]) -> float:
-    """The first instant from which it moves no more."""
+    """Find the first instant after which `moves` is False for good; inf if there is none."""
     last = np.flatnonzero(moves)
     first = last[-1] + 1 if last.size else 0
     return float(t_s[first]) if first < t_s.size else math.inf
 
 
 def _speed(acceleration_rad_s2: FloatArray, period_s: float, before: int) -> FloatArray:
-    """Trapezoids added up, less the sensor's bias, which is its mean at rest before the move."""
-    felt = acceleration_rad_s2 - acceleration_rad_s2[:before].mean()
-    return np.concatenate([[0.0], np.cumsum((felt[1:] + felt[:-1]) / 2.0 * period_s)])
+    """Integrate the acceleration by trapezoids, minus the bias of the sensor.
+
+    The bias is the mean at rest before the move.
+    """
+    unbiased = acceleration_rad_s2 - acceleration_rad_s2[:before].mean()
+    steps = (unbiased[1:] + unbiased[:-1]) / 2.0 * period_s
+    return np.concatenate([[0.0], np.cumsum(steps)])

@@ -103,26 +103,28 @@ def compare(
     ] = False,
 ) -> int:
     """Compare controllers of an elastic joint on the simulated bench: vibration that is left, error, torque."""
-    from rig.studies.servo.compare import built, designs  # scipy takes its time
+    from rig.studies.servo.compare import analyse_drives, build_drives  # scipy takes its time
     from rig.studies.servo.controllers import CONTROLLERS
-    from rig.studies.servo.spec import load
+    from rig.studies.servo.spec import read_spec
 
     if plot is not None:
         from rig.ui.plots import picture_file
 
         picture_file.check(plot)
-    spec = load(file, changes or ())
+    spec = read_spec(file, changes or ())
     if seed is not None:
         spec = msgspec.structs.replace(spec, seed=seed)
     names = list(CONTROLLERS) if controllers == "all" else _words("--controllers", controllers)
     truths = list(spec.truth) if truth == "all" else _words("--truth", truth)
-    drives = built(spec, names)
-    facts = designs(spec, drives)
+    drives = build_drives(spec, names)
+    facts = analyse_drives(spec, drives)
     rows = _rows(spec, truths, drives, quiet=as_json)
     if plot is not None:
         from rig.ui.plots.servo_compare import draw_comparison
 
-        picture_file.save(draw_comparison([row for row in rows if row.truth == truths[0]]), plot)
+        picture_file.save(
+            draw_comparison([row for row in rows if row.plant_variant == truths[0]]), plot
+        )
     verdict, reasons = _verdict(facts, rows)
     lost = (
         UNPUBLISHED_NOTE
@@ -165,14 +167,14 @@ def _rows(
         for row in coming:
             rows.append(row)
             progress.update(
-                bar, advance=1, description=f"{row.truth}, {row.title}, {row.controller}"
+                bar, advance=1, description=f"{row.plant_variant}, {row.title}, {row.controller}"
             )
     return rows
 
 
 def _share(row: ControllerRun, rows: Sequence[ControllerRun]) -> float | None:
     """The residual against that of the first controller on the same move, if both arrived."""
-    first = next(r for r in rows if (r.truth, r.move) == (row.truth, row.move))
+    first = next(r for r in rows if (r.plant_variant, r.move) == (row.plant_variant, row.move))
     comparable = (
         first is not row
         and first.outcome.residual
@@ -192,12 +194,18 @@ def _document(
         "moves": [msgspec.structs.asdict(move) for move in spec.move],
         "model": msgspec.structs.asdict(spec.model),
         "truths": {
-            name: spec.truth_tables(name) for name in dict.fromkeys(row.truth for row in rows)
+            name: spec.plant_variant_tables(name)
+            for name in dict.fromkeys(row.plant_variant for row in rows)
         },
         "designs": {name: _design(found) for name, found in facts.items()},
         "rows": [
-            {"truth": row.truth, "move": row.move, "title": row.title, "controller": row.controller}
-            | {"late_s": row.late_s, **row.outcome._asdict()}
+            {
+                "truth": row.plant_variant,
+                "move": row.move,
+                "title": row.title,
+                "controller": row.controller,
+            }
+            | {"late_s": row.delay_s, **row.outcome._asdict()}
             | {
                 "residual_of_the_first": _share(row, rows),
                 "integration_error_rad": row.recording.integration_error_rad,
@@ -213,12 +221,12 @@ def _design(found: LoopAnalysis) -> dict[str, Any]:
         "poles_1_s": [[pole.real, pole.imag] for pole in found.poles_1_s.tolist()],
         "zeros_1_s": [[zero.real, zero.imag] for zero in found.zeros_1_s.tolist()],
         "stable": found.stable,
-        "gain_margin": found.margins.gain if found.stable else None,
+        "gain_margin": found.margins.upper_gain_margin if found.stable else None,
         "least_gain": found.margins.lower_gain_margin if found.stable else None,
-        "phase_margin_deg": found.margins.phase_deg if found.stable else None,
+        "phase_margin_deg": found.margins.phase_margin_deg if found.stable else None,
         "crossover_rad_s": found.margins.crossover_rad_s if found.stable else None,
-        "peak_sensitivity": found.margins.sensitivity if found.stable else None,
-        "eigenvector_condition": found.condition,
+        "peak_sensitivity": found.margins.peak_sensitivity if found.stable else None,
+        "eigenvector_condition": found.eigenvector_condition,
     }
 
 
@@ -232,7 +240,7 @@ def _print_designs(
 ) -> None:
     import numpy as np
 
-    from rig.drives.servo.loops import swinging
+    from rig.drives.servo.loops import oscillatory_pairs
 
     title = f"loops on the joint believed in, sampled every {1e3 * spec.drive.period_s:g} ms; broken at the motor's torque"
     table = Table(title=title, **PLAIN)
@@ -243,20 +251,20 @@ def _print_designs(
             no_wrap=True,
         )
     for name, found in facts.items():
-        pair = min(swinging(found.poles_1_s), key=lambda mode: mode.damping, default=None)
+        pair = min(oscillatory_pairs(found.poles_1_s), key=lambda mode: mode.damping, default=None)
         slow = found.zeros_1_s[
             np.abs(found.zeros_1_s.imag) < 0.99 * math.pi / spec.drive.period_s
         ]  # not of the sampling
-        zero = min(swinging(slow), key=lambda mode: mode.damping, default=None)
+        zero = min(oscillatory_pairs(slow), key=lambda mode: mode.damping, default=None)
         cells = (
-            f"{found.modes[0].frequency_rad_s:.2f}",
-            f"{found.modes[-1].frequency_rad_s:.1f}",
+            f"{found.pole_pairs[0].frequency_rad_s:.2f}",
+            f"{found.pole_pairs[-1].frequency_rad_s:.1f}",
             *(
                 "-" if mode is None else f"{mode.frequency_rad_s:.1f}, {mode.damping:.3f}"
                 for mode in (pair, zero)
             ),
             *_margins(found),
-            f"{found.condition:.3g}",
+            f"{found.eigenvector_condition:.3g}",
         )
         table.add_row(name, *cells)
     wide.print(table)
@@ -272,10 +280,10 @@ def _margins(found: LoopAnalysis) -> tuple[str, ...]:
     if not found.stable:
         return ("unstable", "-", "-", "-")
     return (
-        f"{m.lower_gain_margin:.3g} to {m.gain:.3g}",
-        f"{m.phase_deg:.1f}",
+        f"{m.lower_gain_margin:.3g} to {m.upper_gain_margin:.3g}",
+        f"{m.phase_margin_deg:.1f}",
         f"{m.crossover_rad_s:.1f}",
-        f"{m.sensitivity:.2f}",
+        f"{m.peak_sensitivity:.2f}",
     )
 
 
@@ -286,12 +294,12 @@ def _print(rows: Sequence[ControllerRun], names: Sequence[str]) -> None:
         table.add_column(f"{told}\n{unit}", justify="right" if figure else "left", no_wrap=True)
     last = None
     for row in rows:
-        here = (row.truth, row.move)
+        here = (row.plant_variant, row.move)
         if last is not None and here != last:
             table.add_section()
         share, o = _share(row, rows), row.outcome
         cells = (
-            row.truth if last is None or last[0] != row.truth else "",
+            row.plant_variant if last is None or last[0] != row.plant_variant else "",
             row.title if here != last else "",
             row.controller,
             f"{100 * o.residual:.2f}",
@@ -324,7 +332,7 @@ def _verdict(
         o = row.outcome
         if not o.arrived:
             why = f", its torque at the limit for {o.at_limit_s:.3g} s" if o.at_limit_s else ""
-            where = f"truth {row.truth}, {row.title}"
+            where = f"truth {row.plant_variant}, {row.title}"
             reasons.append(
                 f"{row.controller} did not arrive: {where}, {o.final_error_deg:.3g}° off{why}"
             )

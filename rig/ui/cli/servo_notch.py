@@ -11,12 +11,14 @@ import typer
 from rich.table import Table
 
 from rig.errors import ConfigError
-from rig.studies.servo.notch import FITTED_NOTE, UNPUBLISHED_NOTE
+from rig.studies.servo.joints import FITTED_NOTE
+from rig.studies.servo.notch import UNPUBLISHED_NOTE
 from rig.ui.cli.output import plain_table, print_json, say, wide
 
 if TYPE_CHECKING:
     from rig.drives.servo.two_mass import TwoMass
-    from rig.studies.servo.notch import NotchRow, NotchTask, Sampled
+    from rig.studies.servo.notch import NotchRow, SampledNotch
+    from rig.studies.servo.notch_loops import NotchTask
 
 EXAMPLE = {
     "antiresonance": 200.0,
@@ -98,7 +100,8 @@ def notch(
 ) -> int:
     """Compare a notch filter inside the speed loop, upstream of it, and none: poles, margins, what the load does."""
     from rig.drives.servo.cascade import Cascade  # python-control takes its time
-    from rig.studies.servo.notch import NotchTask, compare, sampled
+    from rig.studies.servo.notch import compare, sampled
+    from rig.studies.servo.notch_loops import NotchTask
 
     if plot is not None:
         from rig.ui.plots import picture_file
@@ -178,7 +181,7 @@ def _document(
     task: NotchTask,
     rows: Sequence[NotchRow],
     wrong: Sequence[NotchRow],
-    digital: Sequence[Sampled],
+    digital: Sequence[SampledNotch],
     period_s: float,
 ) -> dict[str, Any]:
     return {
@@ -228,7 +231,7 @@ def _print(
     task: NotchTask,
     rows: Sequence[NotchRow],
     wrong: Sequence[NotchRow],
-    digital: Sequence[Sampled],
+    digital: Sequence[SampledNotch],
     period_s: float,
 ) -> None:
     wide.print(_pole_table(joint, task, rows))
@@ -301,7 +304,7 @@ def _response_table(title: str, rows: Sequence[NotchRow]) -> Table:
     return view
 
 
-def _digital_table(rows: Sequence[Sampled], period_s: float) -> Table:
+def _digital_table(rows: Sequence[SampledNotch], period_s: float) -> Table:
     names = ("notch", "tuned to\n[rad/s]", "without prewarp\nat [rad/s]", "shift\n[%]")
     passes = ("passes\n[%]", "prewarped\n[%]", "without\n[%]")
     title = f"\nSampled every {1e3 * period_s:g} ms (bilinear): what passes of the frequency itself"

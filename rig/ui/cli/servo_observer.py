@@ -17,7 +17,8 @@ from rig.ui.cli.output import COLOUR, plain_table, print_json, say, wide
 
 if TYPE_CHECKING:
     from rig.drives.servo.loops import PolePair
-    from rig.studies.servo.observer import Interval, ObserverRow, ObserverTask, Rejection, Turns
+    from rig.studies.servo.observer import ObserverRow, ObserverTask, Rejection
+    from rig.studies.servo.observer_damping import Interval, TimeConstantRanges
 
 CORNER = "T_f\n[ms]"
 LIMIT = 1e6  # a filter this much faster or slower than the joint is told as the limit
@@ -72,7 +73,13 @@ def observer(
 ) -> int:
     """Show what a torque disturbance observer does to an elastic joint: damping, rejection, responses, over T_f."""
     from rig.studies.servo.joints import named_joint  # python-control takes its time
-    from rig.studies.servo.observer import TIME_CONSTANTS_S, ObserverTask, study, turns, without
+    from rig.studies.servo.observer import (
+        TIME_CONSTANTS_S,
+        ObserverTask,
+        observer_rows,
+        without_observer,
+    )
+    from rig.studies.servo.observer_damping import time_constant_ranges
 
     if plot is not None:
         from rig.ui.plots import picture_file
@@ -86,7 +93,7 @@ def observer(
         nominal_inertia_kg_m2=nominal_inertia,
         order=order,
     )
-    rows, bare, turn = study(task), without(task), turns(task)
+    rows, bare, turn = observer_rows(task), without_observer(task), time_constant_ranges(task)
     if plot is not None:
         from rig.ui.plots.servo_observer import draw_observer
 
@@ -126,7 +133,11 @@ def _check(nominal_inertia: float | None, order: int) -> None:
 
 
 def _document(
-    joint: str, task: ObserverTask, rows: Sequence[ObserverRow], bare: Rejection, turn: Turns
+    joint: str,
+    task: ObserverTask,
+    rows: Sequence[ObserverRow],
+    bare: Rejection,
+    turn: TimeConstantRanges,
 ) -> dict[str, Any]:
     return {
         "exit_status": "ok",
@@ -134,7 +145,7 @@ def _document(
         "order": task.order,
         "nominal_inertia_kg_m2": float(task.rigid.denominator[0]),
         "without": _told(bare),
-        "locked_rotor": task.locked._asdict(),
+        "locked_rotor": task.locked_rotor_pair._asdict(),
         "excited_s": turn.excited,  # an end that is null is infinite
         "unstable_s": turn.unstable,
         "best_s": turn.best_s,
@@ -161,7 +172,11 @@ def _told(side: Rejection) -> dict[str, Any]:
 
 
 def _print(
-    joint: str, task: ObserverTask, rows: Sequence[ObserverRow], bare: Rejection, turn: Turns
+    joint: str,
+    task: ObserverTask,
+    rows: Sequence[ObserverRow],
+    bare: Rejection,
+    turn: TimeConstantRanges,
 ) -> None:
     wide.print(_pair_table(joint, task, rows, bare))
     say(f"{PAIR_LEGEND} {PRINTED_LEGEND}" if task.order == 1 else PAIR_LEGEND, "dim")
@@ -242,7 +257,9 @@ def _figure(value: float) -> str:
     return "-" if math.isnan(value) else f"{value:.4g}"
 
 
-def _verdict(task: ObserverTask, rows: Sequence[ObserverRow], turn: Turns) -> list[str]:
+def _verdict(
+    task: ObserverTask, rows: Sequence[ObserverRow], turn: TimeConstantRanges
+) -> list[str]:
     found = [
         (task.effect(row.rigid.least_damped.damping), _corner(task, row.time_constant_s))
         for row in rows
@@ -253,15 +270,15 @@ def _verdict(task: ObserverTask, rows: Sequence[ObserverRow], turn: Turns) -> li
     )
     worst = max(rows, key=lambda row: row.elastic.load_step_rings)
     return [
-        f"without observer the pair swings at {task.bare.frequency_rad_s:.2f} rad/s with damping {task.bare.damping:.3f}; "
-        f"while the motor stands, the load at {task.locked.frequency_rad_s:.2f} rad/s with {task.locked.damping:.3f}",
+        f"without observer the pair swings at {task.joint_pair.frequency_rad_s:.2f} rad/s with damping {task.joint_pair.damping:.3f}; "
+        f"while the motor stands, the load at {task.locked_rotor_pair.frequency_rad_s:.2f} rad/s with {task.locked_rotor_pair.damping:.3f}",
         f"rigid nominal: {told}; best at {_milliseconds(turn.best_s)} ms, where the least damping is {turn.best.damping:.3f}",
         "elastic nominal: keeps the joint's own pair whatever T_f, and rejects only what is not the joint's; after a torque on "
         f"the load that rings {worst.elastic.load_step_rings:.2f} at {_at([_corner(task, worst.time_constant_s)])}",
     ]
 
 
-def _cautions(turn: Turns) -> list[str]:
+def _cautions(turn: TimeConstantRanges) -> list[str]:
     """Of the rigid nominal: all time constants to be careful with."""
     lines = []
     if turn.excited:

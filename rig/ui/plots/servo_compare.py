@@ -38,7 +38,7 @@ def draw_comparison(rows: Sequence[ControllerRun]) -> Figure:
         panel.set_ylabel(label)
     handles, words = panels[0, 0].get_legend_handles_labels()
     figure.legend(handles, words, loc="outside lower center", ncols=len(words), frameon=False)
-    figure.suptitle(f"truth: {rows[0].truth}; the moves are shaded", ha="left", x=0.01)
+    figure.suptitle(f"truth: {rows[0].plant_variant}; the moves are shaded", ha="left", x=0.01)
     return figure
 
 

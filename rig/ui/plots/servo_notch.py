@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from planners.trajectories.pieces import ComplexArray
-from rig.studies.servo.notch import NotchTask, Placement, Response, placements, step_response
+from rig.studies.servo.notch_loops import NotchTask, Placement, Response, placements, step_response
 
 COLOURS = {"none": "#212121", "inside": "#c62828", "upstream": "#2e7d32"}
 TITLES = {
@@ -63,7 +63,11 @@ def _symbols() -> list[Line2D]:
 
 
 def _shown(row: Placement) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-    return row.speed.shown_poles_1_s, row.position.shown_poles_1_s, row.position.hidden_poles_1_s
+    return (
+        row.speed.controllable_poles_1_s,
+        row.position.controllable_poles_1_s,
+        row.position.cancelled_poles_1_s,
+    )
 
 
 def _poles(panel: Axes, row: Placement, top: float) -> None:

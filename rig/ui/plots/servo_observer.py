@@ -11,14 +11,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rig.drives.servo.disturbance_design import Nominal, Place
-from rig.drives.servo.loops import swinging
-from rig.studies.servo.observer import (
-    ObserverTask,
-    Turns,
-    course,
-    damping,
-    printed_poles_1_s,
-    turns,
+from rig.drives.servo.loops import oscillatory_pairs
+from rig.studies.servo.observer import ObserverTask, printed_poles_1_s, torque_step_response
+from rig.studies.servo.observer_damping import (
+    TimeConstantRanges,
+    least_damping,
+    time_constant_ranges,
 )
 
 BARE, FAST, BEST, ELASTIC, GREY = "#212121", "#c62828", "#2e7d32", "#1565c0", "#757575"
@@ -39,7 +37,7 @@ class Curve(NamedTuple):
 
 def draw_observer(task: ObserverTask) -> Figure:
     """Damping over the time constant; the load's speed over a torque on the motor, and after a step on motor and load."""
-    turn = turns(task)
+    turn = time_constant_ranges(task)
     bare, *fast, best = curves = _curves(task, turn)
     figure = Figure(figsize=(14.0, 9.5), layout="constrained")
     panels = figure.subplot_mosaic("AAABBB\nCCDDEE")
@@ -57,7 +55,7 @@ def draw_observer(task: ObserverTask) -> Figure:
     return figure
 
 
-def _curves(task: ObserverTask, turn: Turns) -> list[Curve]:
+def _curves(task: ObserverTask, turn: TimeConstantRanges) -> list[Curve]:
     fast_s = (turn.excited[0][1] if _excites_first(turn) else turn.best_s) / FASTER
     fast, best = (f"$T_f$ = {1e3 * t:.3g} ms" for t in (fast_s, turn.best_s))
     return [
@@ -68,12 +66,12 @@ def _curves(task: ObserverTask, turn: Turns) -> list[Curve]:
     ]
 
 
-def _excites_first(turn: Turns) -> bool:
+def _excites_first(turn: TimeConstantRanges) -> bool:
     """Whether fast filters excite, up to some time constant."""
     return bool(turn.excited) and turn.excited[0][0] == 0.0 and math.isfinite(turn.excited[0][1])
 
 
-def _title(turn: Turns) -> str:
+def _title(turn: TimeConstantRanges) -> str:
     where = "of where the observer stops exciting" if _excites_first(turn) else "of that"
     return (
         "A torque disturbance observer on an elastic joint\n"
@@ -81,13 +79,17 @@ def _title(turn: Turns) -> str:
     )
 
 
-def _damping(panel: Axes, task: ObserverTask, turn: Turns) -> None:
+def _damping(panel: Axes, task: ObserverTask, turn: TimeConstantRanges) -> None:
     times = np.logspace(-DECADES, DECADES, 400) / task.joint.antiresonance_rad_s
-    found = [damping(task, t) for t in times]
+    found = [least_damping(task, t) for t in times]
     panel.semilogx(1e3 * times, found, color=FAST, lw=1.8, label="rigid nominal")
     if task.order == 1:
         printed = [
-            min(swinging(printed_poles_1_s(task.joint, t)), key=lambda m: m.damping, default=None)
+            min(
+                oscillatory_pairs(printed_poles_1_s(task.joint, t)),
+                key=lambda m: m.damping,
+                default=None,
+            )
             for t in times
         ]
         shown = [np.nan if pair is None else pair.damping for pair in printed]
@@ -100,10 +102,14 @@ def _damping(panel: Axes, task: ObserverTask, turn: Turns) -> None:
             label="by $H_f$ as printed in source 001",
         )
     panel.axhline(
-        task.bare.damping, color=ELASTIC, lw=1.4, label="elastic nominal, and no observer"
+        task.joint_pair.damping, color=ELASTIC, lw=1.4, label="elastic nominal, and no observer"
     )
     panel.axhline(
-        task.locked.damping, color=GREY, lw=0.8, ls=":", label="load alone, motor standing"
+        task.locked_rotor_pair.damping,
+        color=GREY,
+        lw=0.8,
+        ls=":",
+        label="load alone, motor standing",
     )
     for name, colour, intervals in (
         ("excited", EXCITED, turn.excited),
@@ -123,7 +129,7 @@ def _damping(panel: Axes, task: ObserverTask, turn: Turns) -> None:
     inside = [t for t in task.time_constants_s if times[0] <= t <= times[-1]]
     panel.plot(
         [1e3 * t for t in inside],
-        [damping(task, t) for t in inside],
+        [least_damping(task, t) for t in inside],
         ".",
         ms=9,
         color=FAST,
@@ -131,7 +137,7 @@ def _damping(panel: Axes, task: ObserverTask, turn: Turns) -> None:
     )
     panel.set_ylabel("damping, of the least damped poles")
     panel.set_xlabel("time constant $T_f$ [ms]")
-    panel.set_ylim(ROOM * min(0.0, *found), ROOM * max(turn.best.damping, task.bare.damping))
+    panel.set_ylim(ROOM * min(0.0, *found), ROOM * max(turn.best.damping, task.joint_pair.damping))
     panel.legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, fontsize=9)
     _dress(panel)
 
@@ -175,7 +181,7 @@ def _course(
     for curve in curves:
         if not _stable(task, curve):
             continue
-        found = course(task, curve.nominal, curve.time_constant_s, place)
+        found = torque_step_response(task, curve.nominal, curve.time_constant_s, place)
         panel.plot(found.t_s, found.speed_rad_s, color=curve.colour, lw=1.6)
         highest = max(highest, found.peak_rad_s)
         top = max(top, 0.0 if curve is leaving else ROOM * found.peak_rad_s)

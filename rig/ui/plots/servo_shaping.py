@@ -16,7 +16,7 @@ from rig.studies.servo.shaping import (
     Robustness,
     ShapingTask,
     impulse_response,
-    pulse,
+    pulse_response,
 )
 
 COLOURS = (
@@ -118,7 +118,9 @@ def _pulses(
 
 def _of_all(task: ShapingTask, shaper: Shaper, watch_s: float) -> list[PulseResponse]:
     """As assumed, then the four cases."""
-    return [pulse(task.pulse_s, shaper, mode, watch_s) for mode in (task.mode, *task.cases)]
+    return [
+        pulse_response(task.pulse_s, shaper, mode, watch_s) for mode in (task.mode, *task.cases)
+    ]
 
 
 def _period_s(task: ShapingTask) -> float:

@@ -1,4 +1,7 @@
-"""The cascade against the reference's poles, hand polynomials, and a joint that the test itself integrates."""
+"""Cascade against three references.
+
+Poles of the reference data, polynomials derived by hand, and a joint integrated by the test.
+"""
 
 import math
 import tomllib
@@ -11,7 +14,7 @@ from scipy.linalg import expm
 
 from rig.drives.servo.cascade import Cascade, CascadeController
 from rig.drives.servo.errors import BeyondNyquist, ServoError
-from rig.drives.servo.loops import PolePair, pole_pairs, swinging
+from rig.drives.servo.loops import PolePair, oscillatory_pairs, pole_pairs
 from rig.drives.servo.notch import Notch
 from rig.drives.servo.setpoint import MotorSetpoint
 from rig.drives.servo.two_mass import TwoMass
@@ -24,13 +27,13 @@ JOINT = TwoMass.normalised(
 )
 DRIVE = TwoMass(**FIGURES["drive"])
 GAINS = Cascade.normalised(JOINT)
-INSIDE = Notch.tuned_to(swinging(JOINT.poles_1_s)[-1])
-UPSTREAM = Notch.tuned_to(swinging(GAINS.speed_loop(JOINT).shown_poles_1_s)[-1])
+INSIDE = Notch.tuned_to(oscillatory_pairs(JOINT.poles_1_s)[-1])
+UPSTREAM = Notch.tuned_to(oscillatory_pairs(GAINS.speed_loop(JOINT).controllable_poles_1_s)[-1])
 PLACES = [(None, "inside"), (INSIDE, "inside"), (UPSTREAM, "upstream")]
 
 
 class Joint:
-    """A two-mass joint stepped exactly, from its equations of motion: [qm, qm', n ql, n ql']."""
+    """Two-mass joint, integrated exactly from its equations: [qm, qm', n ql, n ql']."""
 
     def __init__(self, joint, period_s):
         jm, jl = joint.motor_inertia_kg_m2, joint.load_inertia_kg_m2 / joint.gear_ratio**2
@@ -66,21 +69,26 @@ def test_normalised_gains_are_those_of_the_example():
 def test_the_speed_loop_has_the_poles_and_the_margin_of_the_reference():
     for name, notch in (("none", None), ("inside", INSIDE)):
         loop, known = GAINS.speed_loop(JOINT, notch), EXAMPLE[name]
-        shown = pole_pairs(loop.shown_poles_1_s)
+        shown = pole_pairs(loop.controllable_poles_1_s)
         assert [mode.frequency_rad_s for mode in shown] == pytest.approx(
             known["speed_rad_s"], rel=1e-5
         )
         assert [mode.damping for mode in shown] == pytest.approx(known["speed_damping"], abs=1e-5)
-        assert loop.facts.margins.phase_deg == pytest.approx(known["phase_margin_deg"], abs=1e-3)
-    assert GAINS.speed_loop(JOINT).facts.margins.crossover_rad_s == pytest.approx(
+        assert loop.analysis.margins.phase_margin_deg == pytest.approx(
+            known["phase_margin_deg"], abs=1e-3
+        )
+    assert GAINS.speed_loop(JOINT).analysis.margins.crossover_rad_s == pytest.approx(
         EXAMPLE["none"]["crossover_rad_s"], rel=1e-5
     )
 
 
-def test_the_position_loop_has_the_poles_of_the_reference_and_hides_the_pair_that_was_cancelled():
+def test_the_position_loop_has_the_poles_of_the_reference_and_a_cancelled_pair():
     for name, (notch, where) in zip(("none", "inside", "upstream"), PLACES, strict=True):
         loop, known = GAINS.position_loop(JOINT, notch, where), EXAMPLE[name]
-        shown, hidden = pole_pairs(loop.shown_poles_1_s), pole_pairs(loop.hidden_poles_1_s)
+        shown, hidden = (
+            pole_pairs(loop.controllable_poles_1_s),
+            pole_pairs(loop.cancelled_poles_1_s),
+        )
         assert [mode.frequency_rad_s for mode in shown] == pytest.approx(
             known["position_rad_s"], rel=1e-5
         )
@@ -94,18 +102,22 @@ def test_the_position_loop_has_the_poles_of_the_reference_and_hides_the_pair_tha
             assert (frequency, damping) == pytest.approx(
                 (known["hidden_rad_s"], known["hidden_damping"]), rel=1e-5
             )
-        assert len(loop.facts.modes) == len(shown) + len(hidden)
+        assert len(loop.analysis.pole_pairs) == len(shown) + len(hidden)
 
 
-def test_a_notch_beside_the_pair_hides_nothing():
+def test_a_notch_beside_the_pair_cancels_no_pole():
     off = Notch.tuned_to(PolePair(0.9 * INSIDE.frequency_rad_s, INSIDE.numerator_damping))
-    assert GAINS.position_loop(JOINT, off).hidden_poles_1_s.size == 0
-    assert len(pole_pairs(GAINS.position_loop(JOINT, off).shown_poles_1_s)) == 5
+    assert GAINS.position_loop(JOINT, off).cancelled_poles_1_s.size == 0
+    assert len(pole_pairs(GAINS.position_loop(JOINT, off).controllable_poles_1_s)) == 5
 
 
 @pytest.mark.parametrize("filter_s", [0.0, 5e-4])
 def test_closed_loops_are_the_hand_polynomial_of_any_joint(filter_s):
-    """Tiv s (s D (1 + s Tf) N2) + Kpv (1 + Tiv s)(s + Kpp (1 + s Tf)) Nm N1, with D over s the angles' denominator."""
+    """Polynomial of the closed position loop.
+
+    Tiv s (s D (1 + s Tf) N2) + Kpv (1 + Tiv s)(s + Kpp (1 + s Tf)) Nm N1, with s D the denominator
+    of the angles.
+    """
     gains = Cascade.normalised(DRIVE, 0.7, 0.15, speed_filter_s=filter_s)
     notch = Notch(frequency_rad_s=150.0, numerator_damping=0.2, denominator_damping=0.8)
     lag = [filter_s, 1.0] if filter_s else [1.0]
@@ -154,7 +166,7 @@ def test_the_sampled_loop_tends_to_the_continuous_one():
         for period_s in (4e-5, 1e-5):
             found = position_loop(
                 JOINT, [GAINS.sampled(period_s, notch, where)], period_s
-            ).facts.modes
+            ).analysis.pole_pairs
             near = [
                 min(abs(mode.frequency_rad_s / one.frequency_rad_s - 1.0) for mode in found)
                 for one in right
@@ -186,7 +198,7 @@ def test_the_controller_moves_a_joint_as_its_sampled_loop_says(notch, where, fil
 
 
 def test_sampled_fast_the_controller_does_what_the_continuous_loop_does():
-    """Against scipy's integration of joint, P, PI and their integrator."""
+    """Compare with joint, P, PI and their integrator, integrated by scipy."""
 
     def rate(_, x):
         motor, speed, load, load_speed, integral = x
@@ -223,7 +235,7 @@ def test_a_constant_torque_on_the_load_leaves_no_error_of_the_motor():
     assert states[-1, 2] - states[-1, 0] == pytest.approx(0.2 / DRIVE.stiffness_n_m_rad, rel=1e-5)
 
 
-def test_full_speed_feed_forward_follows_a_ramp_without_lag_and_less_lags_by_its_rest_over_the_gain():
+def test_full_speed_feed_forward_tracks_a_ramp_and_a_share_lags_by_the_rest_over_the_gain():
     period_s, speed = 1e-3, 5.0
     for share in (1.0, 0.4):
         gains = Cascade.normalised(DRIVE, speed_feed_forward=share)
@@ -236,7 +248,10 @@ def test_full_speed_feed_forward_follows_a_ramp_without_lag_and_less_lags_by_its
 
 
 def test_the_torque_keeps_its_limit_and_the_integrator_does_not_wind_up():
-    """A step that asks for far more than the motor has: without anti-windup the same loop overshoots several times as far."""
+    """A step that requires far more torque than the limit.
+
+    Without anti-windup the same loop overshoots several times as far.
+    """
     period_s, limit = 1e-3, 0.15
     gains = Cascade.normalised(DRIVE, 0.7, 0.15, reset_time=3.0, torque_limit_n_m=limit)
 
@@ -262,7 +277,10 @@ def test_the_torque_keeps_its_limit_and_the_integrator_does_not_wind_up():
 
 
 def test_a_limited_torque_lets_the_integrator_work_the_other_way():
-    """A feed-forward of three times the limit, and a motor that is ahead: only the integrator can take the torque back."""
+    """A feed-forward of three times the limit, and a motor ahead of its setpoint.
+
+    Only the integrator can reduce the torque.
+    """
     gains = Cascade(
         speed_gain_n_m_s_rad=0.1,
         reset_time_s=0.05,
@@ -278,7 +296,10 @@ def test_a_limited_torque_lets_the_integrator_work_the_other_way():
 
 
 def test_after_a_long_push_beyond_its_limit_the_drive_comes_back_at_once():
-    """A load torque the motor cannot hold, then none: the way back starts when the push ends."""
+    """A load torque above the limit, then none.
+
+    The motor returns as soon as the load torque ends.
+    """
     period_s, limit = 1e-3, 0.2
     gains = Cascade.normalised(DRIVE, torque_limit_n_m=limit)
     joint, controller = Joint(DRIVE, period_s), CascadeController(gains, period_s)
@@ -319,7 +340,7 @@ def test_gains_out_of_bounds_are_refused(change, said):
         )
 
 
-def test_a_controller_without_a_sample_time_or_with_a_notch_it_cannot_hold_is_refused():
+def test_a_controller_without_a_sample_time_or_with_a_notch_beyond_nyquist_is_refused():
     with pytest.raises(ServoError, match=r"period_s = 0.0; must be"):
         CascadeController(GAINS, 0.0)
     for make in (CascadeController, Cascade.sampled):

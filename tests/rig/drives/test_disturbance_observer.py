@@ -1,4 +1,7 @@
-"""The torque disturbance observer against the reference's poles, block algebra of another kind, and a joint stepped exactly."""
+"""Torque disturbance observer against three references.
+
+Poles of the reference data, equations solved at a frequency, and a joint integrated exactly.
+"""
 
 import math
 import tomllib
@@ -14,7 +17,7 @@ from rig.drives.servo.cascade import Cascade, CascadeController
 from rig.drives.servo.disturbance_design import LowPass, Nominal, ObserverDesign
 from rig.drives.servo.disturbance_observer import Compensated, DisturbanceObserver
 from rig.drives.servo.errors import BeyondNyquist, Improper, ServoError
-from rig.drives.servo.loops import pole_pairs, swinging
+from rig.drives.servo.loops import oscillatory_pairs, pole_pairs
 from rig.drives.servo.setpoint import MotorSetpoint
 from rig.drives.servo.two_mass import TwoMass
 
@@ -23,7 +26,7 @@ KNOWN = FIGURES["observer"]
 DRIVE = TwoMass(**FIGURES["drive"])
 NOMINALS = {
     "rigid": Nominal.motor_alone(DRIVE),
-    "whole": Nominal.whole(DRIVE),
+    "whole": Nominal.rigid_joint(DRIVE),
     "elastic": Nominal.elastic(DRIVE),
 }
 PERIOD_S = 1e-4
@@ -39,7 +42,7 @@ def value(polynomial, s):
 
 
 class Resting:
-    """A controller that asks for nothing."""
+    """Controller without torque."""
 
     def step(self, setpoint, motor_angle_rad):
         return 0.0
@@ -49,7 +52,10 @@ class Resting:
 
 
 def run(joint, controller, steps, period_s=PERIOD_S, motor_torque=0.0, load_torque=0.0):
-    """States [qm, qm', n ql, n ql'] and torques, from the joint's equations and a matrix exponential."""
+    """Compute states [qm, qm', n ql, n ql'] and torques.
+
+    From the equations of the joint and a matrix exponential.
+    """
     jm, jl = joint.motor_inertia_kg_m2, joint.load_inertia_kg_m2 / joint.gear_ratio**2
     spring = np.array([joint.stiffness_n_m_rad, joint.elastic_damping_n_m_s_rad])
     spring = np.array([*spring, *-spring])
@@ -130,22 +136,26 @@ def test_the_lecture_s_h_f_with_the_load_s_inertia_is_this_closed_form(time_cons
 def test_disturbance_and_command_are_those_of_the_equations_solved_at_a_frequency(
     nominal, order, kind
 ):
-    """Motor, load and observer as four linear equations in the two speeds, the torque and its estimate."""
+    """Four linear equations of motor, load and observer.
+
+    Unknown: the two speeds, the torque and its estimate.
+    """
     j, jl = DRIVE, DRIVE.load_inertia_kg_m2 / DRIVE.gear_ratio**2
-    own = design(1.3e-3, nominal, order, kind)
+    observer = design(1.3e-3, nominal, order, kind)
     for omega in (2.0, 90.0, 180.0, 1500.0):
         s = 1j * omega
         spring = j.elastic_damping_n_m_s_rad + j.stiffness_n_m_rad / s
-        q = 1.0 / value(own.low_pass.denominator, s)
-        inverse = value(own.nominal.denominator, s) / value(own.nominal.numerator, s)
+        q = 1.0 / value(observer.low_pass.denominator, s)
+        inverse = value(observer.nominal.denominator, s) / value(observer.nominal.numerator, s)
         motor = [
             j.motor_inertia_kg_m2 * s + j.motor_friction_n_m_s_rad + spring,
             -spring,
             -1.0,
             -1.0,
         ]  # motor, load, wanted, added
-        load, observer = [-spring, jl * s + spring, 0.0, 0.0], [q * inverse, 0.0, -q, 1.0 - q]
-        equations = np.array([motor, load, [0.0, 0.0, 1.0, 0.0], observer])
+        load = [-spring, jl * s + spring, 0.0, 0.0]
+        estimate = [q * inverse, 0.0, -q, 1.0 - q]
+        equations = np.array([motor, load, [0.0, 0.0, 1.0, 0.0], estimate])
         for torque, speeds in (
             ([1, 0, 0, 0], ("motor",)),
             ([0, 1, 0, 0], ("load",)),
@@ -154,9 +164,9 @@ def test_disturbance_and_command_are_those_of_the_equations_solved_at_a_frequenc
             right = np.linalg.solve(equations, np.array(torque, dtype=complex))
             for index, speed in enumerate(("motor", "load")):
                 ratio = (
-                    own.command(j, speed)
+                    observer.command(j, speed)
                     if speeds == ("command",)
-                    else own.disturbance(j, speeds[0], speed)
+                    else observer.disturbance(j, speeds[0], speed)
                 )
                 assert complex(ratio.at(omega)) == pytest.approx(right[index], rel=1e-8)
 
@@ -173,23 +183,25 @@ def test_a_constant_torque_moves_nothing_in_the_end(nominal, torque):
 
 
 def test_the_elastic_nominal_keeps_the_joint_s_poles_and_filters_only_what_is_not_the_joint_s():
-    own, omega = design(5e-4, "elastic"), np.array([1.0, 50.0, 179.0, 900.0])
-    pair = own.least_damped(DRIVE)
-    assert pair == pytest.approx(swinging(DRIVE.poles_1_s)[0], rel=1e-9)
+    observer, omega = design(5e-4, "elastic"), np.array([1.0, 50.0, 179.0, 900.0])
+    pair = observer.least_damped(DRIVE)
+    assert pair == pytest.approx(oscillatory_pairs(DRIVE.poles_1_s)[0], rel=1e-9)
     plant = DRIVE.plant["motor_speed", "motor_torque"]
     high = 1j * omega * 5e-4 / (1.0 + 1j * omega * 5e-4)
     np.testing.assert_allclose(
-        own.disturbance(DRIVE, "motor", "motor").at(omega), high * plant(1j * omega), rtol=1e-9
+        observer.disturbance(DRIVE, "motor", "motor").at(omega), high * plant(1j * omega), rtol=1e-9
     )
-    np.testing.assert_allclose(own.command(DRIVE, "motor").at(omega), plant(1j * omega), rtol=1e-9)
-    (hidden,) = pole_pairs(own.hidden_poles_1_s(DRIVE))
+    np.testing.assert_allclose(
+        observer.command(DRIVE, "motor").at(omega), plant(1j * omega), rtol=1e-9
+    )
+    (hidden,) = pole_pairs(observer.cancelled_poles_1_s(DRIVE))
     assert hidden.frequency_rad_s == pytest.approx(KNOWN["locked_rotor_rad_s"], rel=1e-6)
 
 
 def test_an_elastic_nominal_of_another_joint_has_poles_of_its_own():
     other = TwoMass(**{**FIGURES["drive"], "stiffness_n_m_rad": 3.5})
     found = design(5e-4, "elastic").poles_1_s(other)
-    assert design(5e-4, "elastic").hidden_poles_1_s(other).size == 0
+    assert design(5e-4, "elastic").cancelled_poles_1_s(other).size == 0
     assert len(found) == 6
     assert np.all(found.real < 0.0)
 
@@ -200,37 +212,42 @@ def test_an_elastic_nominal_of_another_joint_has_poles_of_its_own():
     [("speed", 1, "binomial"), ("speed", 3, "butterworth"), ("angle", 2, "binomial")],
 )
 def test_the_estimator_is_q_over_the_nominal(nominal, measured, order, kind):
-    own = design(2e-3, nominal, order, kind, measured)
+    observer = design(2e-3, nominal, order, kind, measured)
     for s in (10j, 300j, 5000j):
-        q = 1.0 / value(own.low_pass.denominator, s)
+        q = 1.0 / value(observer.low_pass.denominator, s)
         inverse = (
-            value(own.nominal.denominator, s)
-            / value(own.nominal.numerator, s)
+            value(observer.nominal.denominator, s)
+            / value(observer.nominal.numerator, s)
             * (s if measured == "angle" else 1.0)
         )
-        np.testing.assert_allclose(own.estimator()(s), [[q, -q * inverse]], rtol=1e-8)
+        np.testing.assert_allclose(observer.estimator()(s), [[q, -q * inverse]], rtol=1e-8)
 
 
 @pytest.mark.parametrize("nominal", NOMINALS)
 @pytest.mark.parametrize(("measured", "order"), [("speed", 1), ("angle", 2)])
 def test_the_loop_of_blocks_is_the_closed_form(nominal, measured, order):
-    own = design(2e-3, nominal, order, "binomial", measured)
-    loop, s = own.loop(DRIVE), 1j * np.array([2.0, 90.0, 180.0, 1500.0])
+    observer = design(2e-3, nominal, order, "binomial", measured)
+    loop, s = observer.loop(DRIVE), 1j * np.array([2.0, 90.0, 180.0, 1500.0])
     for source, torque in (("motor_torque", "motor"), ("load_torque", "load")):
         for speed in ("motor", "load"):
-            right = own.disturbance(DRIVE, torque, speed).at(s.imag)
+            right = observer.disturbance(DRIVE, torque, speed).at(s.imag)
             np.testing.assert_allclose(loop.closed[f"{speed}_speed", source](s), right, rtol=1e-6)
-    q = 1.0 / np.polyval(own.low_pass.denominator, s)
+    q = 1.0 / np.polyval(observer.low_pass.denominator, s)
     plant = np.polyval(DRIVE.motor_numerator, s) / np.polyval(DRIVE.denominator[:-1], s)
-    inverse = np.polyval(own.nominal.denominator, s) / np.polyval(own.nominal.numerator, s)
+    inverse = np.polyval(observer.nominal.denominator, s) / np.polyval(
+        observer.nominal.numerator, s
+    )
     np.testing.assert_allclose(loop.opened(s), q / (1.0 - q) * plant * inverse, rtol=1e-6)
 
 
 def test_a_joint_that_is_the_nominal_leaves_the_observer_the_margins_of_its_filter_alone():
-    """Q / (1 - Q) = 1 / (s Tf): a phase margin of 90 degrees at 1 / Tf, and no end to the gain."""
-    found = design(1.0 / 300.0, "elastic").loop(DRIVE).facts.margins
-    assert (found.phase_deg, found.crossover_rad_s) == pytest.approx((90.0, 300.0), rel=1e-4)
-    assert found.gain > 1e6
+    """Loop transfer function Q / (1 - Q) = 1 / (s Tf).
+
+    Phase margin 90 degrees at 1 / Tf, gain margin infinite.
+    """
+    found = design(1.0 / 300.0, "elastic").loop(DRIVE).analysis.margins
+    assert (found.phase_margin_deg, found.crossover_rad_s) == pytest.approx((90.0, 300.0), rel=1e-4)
+    assert found.upper_gain_margin > 1e6
 
 
 # sampled
@@ -250,7 +267,10 @@ def test_a_constant_torque_on_the_motor_is_found_and_cancelled(nominal, measured
 
 @pytest.mark.parametrize("measured", ["speed", "angle"])
 def test_for_a_rigid_load_without_friction_the_sampled_observer_is_exact(measured):
-    """Torques held for a sample, and the angles they lead to: the torque to add stays 0 whatever the sample time."""
+    """Torques held for a sample, and the resulting angles.
+
+    The torque to add stays 0 at any sample time.
+    """
     inertia, period_s = 4e-4, 1e-3
     low_pass = LowPass(time_constant_s=2e-3, order=2)
     observer = DisturbanceObserver(
@@ -268,13 +288,13 @@ def test_for_a_rigid_load_without_friction_the_sampled_observer_is_exact(measure
 @pytest.mark.parametrize(
     ("nominal", "time_constant_s"), [("rigid", 5e-4), ("rigid", 2e-3), ("elastic", 5e-4)]
 )
-def test_sampled_it_answers_a_torque_as_the_closed_form_does_with_a_time_constant_longer_by_a_sample(
+def test_the_sampled_observer_acts_like_the_closed_form_with_a_time_constant_longer_by_a_sample(
     nominal, time_constant_s
 ):
-    own, steps, period_s = design(time_constant_s, nominal), 4000, 2e-5
+    observer, steps, period_s = design(time_constant_s, nominal), 4000, 2e-5
     states, _ = run(
         DRIVE,
-        Compensated(Resting(), DisturbanceObserver(own, period_s)),
+        Compensated(Resting(), DisturbanceObserver(observer, period_s)),
         steps,
         period_s,
         motor_torque=0.1,
@@ -293,7 +313,7 @@ def test_sampled_it_answers_a_torque_as_the_closed_form_does_with_a_time_constan
 
 
 class Push:
-    """A controller that gives a torque for a moment."""
+    """Controller that gives a torque for some samples."""
 
     def __init__(self, samples=20):
         self.samples = samples
@@ -307,7 +327,10 @@ class Push:
 
 
 def ring(time_constant_s, nominal):
-    """The coupling's twist after a push, (N,) from 0.15 s on, over its peak; samples of 0.05 ms."""
+    """Compute the twist of the coupling after a push, over its peak.
+
+    (N,) from 0.15 s on; samples of 0.05 ms.
+    """
     observer = DisturbanceObserver(design(time_constant_s, nominal), 5e-5)
     states, _ = run(DRIVE, Compensated(Push(), observer), 12_000, 5e-5)
     twist = states[:, 0] - states[:, 2]
@@ -332,7 +355,7 @@ def test_with_a_fast_rigid_observer_the_load_rings_at_the_locked_rotor_pair():
     assert damping < 0.6 * KNOWN["elastic_damping"][-1]  # of the joint without observer
 
 
-def test_a_slower_rigid_observer_calms_the_load_and_the_elastic_one_leaves_it_as_it_was():
+def test_a_slower_rigid_observer_damps_the_load_and_the_elastic_one_does_not_change_it():
     bare_states, _ = run(DRIVE, Push(), 12_000, 5e-5)
     bare = bare_states[:, 0] - bare_states[:, 2]
     bare = bare[3000:] / np.abs(bare).max()
@@ -361,7 +384,7 @@ def test_under_a_cascade_the_observer_cuts_what_a_torque_on_the_motor_does():
 
 
 def test_under_a_cascade_too_the_load_rings_after_a_torque_on_it_unless_a_rigid_q_is_slow():
-    """What is left of the load's speed a quarter of a second after the step, the cascade being gentle."""
+    """Residual speed of the load 0.25 s after the step, with low gains."""
     gains, left = Cascade.normalised(DRIVE, 0.1, 0.03), {}
     for nominal, time_constant_s in (("rigid", 2e-4), ("rigid", 2e-3), ("elastic", 2e-4)):
         observer = DisturbanceObserver(design(time_constant_s, nominal), PERIOD_S)
@@ -372,9 +395,9 @@ def test_under_a_cascade_too_the_load_rings_after_a_torque_on_it_unless_a_rigid_
     assert left["elastic", 2e-4] > 5.0 * left["rigid", 2e-3]
 
 
-def test_the_observer_knows_the_torque_that_was_left_by_the_limit():
-    """A motor at its limit does what it can: that is no disturbance, so nothing is added."""
-    limit, told = 0.05, []
+def test_the_observer_receives_the_limited_torque():
+    """A limited torque is no disturbance, so nothing is added."""
+    limit, added_torques = 0.05, []
 
     class Greedy(Resting):
         def step(self, setpoint, motor_angle_rad):
@@ -382,13 +405,13 @@ def test_the_observer_knows_the_torque_that_was_left_by_the_limit():
 
     class Listening(DisturbanceObserver):
         def step(self, torque_n_m, motor_angle_rad):
-            told.append(super().step(torque_n_m, motor_angle_rad))
-            return told[-1]
+            added_torques.append(super().step(torque_n_m, motor_angle_rad))
+            return added_torques[-1]
 
     observer = Listening(design(1e-3, "elastic"), PERIOD_S)
     _, torques = run(DRIVE, Compensated(Greedy(), observer, limit), 500)
     assert set(torques.tolist()) == {limit}
-    assert np.abs(told).max() < 0.02 * limit
+    assert np.abs(added_torques).max() < 0.02 * limit
 
 
 def test_a_reset_observer_does_what_a_new_one_does():
@@ -412,7 +435,7 @@ def test_a_q_that_would_have_to_differentiate_is_refused():
         design(order=1, measured="angle")
 
 
-def test_a_q_beyond_half_the_sampling_is_refused():
+def test_a_q_with_its_corner_beyond_nyquist_is_refused():
     with pytest.raises(
         BeyondNyquist, match=r"1 / time_constant_s = 10000 rad/s with a sample time of 0.001 s"
     ):

@@ -1,5 +1,8 @@
-"""Observers against the reference's figures, their dual, polynomials in fractions, a Riccati recursion in extended precision
-and a joint that moves."""
+"""Observers against the reference data and independent computations.
+
+Their dual, polynomials in fractions, a Riccati recursion in extended precision, and a joint that
+moves.
+"""
 
 from __future__ import annotations
 
@@ -20,8 +23,8 @@ from scipy.linalg import (
     solve_discrete_lyapunov,
 )
 
-from rig.drives.servo.controllability import own_units
-from rig.drives.servo.errors import BeyondNyquist, NotObservable, PolesOutOfReach, ServoError
+from rig.drives.servo.controllability import joint_units
+from rig.drives.servo.errors import BeyondNyquist, NotObservable, PolesNotAssignable, ServoError
 from rig.drives.servo.estimator import (
     ENCODER,
     Estimator,
@@ -52,7 +55,10 @@ encoders = pytest.mark.parametrize(("counts", "period_s"), ENCODERS.values(), id
 
 
 def propagated(joint, period_s):
-    """exp(A T), the effect of a held motor torque, and the covariance white torques add in T (Van Loan 1978)."""
+    """Compute exp(A T), the effect of a held motor torque, and the added covariance.
+
+    The covariance that white torques add in T by Van Loan (1978).
+    """
     a, b = joint.state_matrix, joint.input_matrix
     whole = expm(np.block([[a, b], [np.zeros((2, 6))]]) * period_s)
     spread = expm(np.block([[-a, b @ Noise().torques @ b.T], [np.zeros((4, 4)), a.T]]) * period_s)
@@ -60,7 +66,10 @@ def propagated(joint, period_s):
 
 
 def spread_of(joint, gains, period_s=PERIOD_S):
-    """Standard deviation (4,) of the estimate after its correction, from the Lyapunov equation of its error."""
+    """Compute the standard deviation (4,) of the estimate after its correction.
+
+    From the Lyapunov equation of its error.
+    """
     a, _, added = propagated(joint, period_s)
     keep, angle = np.eye(4) - np.outer(gains, ENCODER), Noise().angle_rad2
     prior = solve_discrete_lyapunov(a @ keep, added + angle * np.outer(a @ gains, a @ gains))
@@ -68,8 +77,11 @@ def spread_of(joint, gains, period_s=PERIOD_S):
 
 
 def recursion(joint, noise, period_s, samples):
-    """Gains and standard deviations (4,) of the Kalman filter after so many samples, in extended precision: exp(A T) and the
-    covariance added by their Taylor series, then the prior variance sample by sample."""
+    """Compute gains and standard deviations (4,) of the Kalman filter after some samples.
+
+    In extended precision: exp(A T) and the added covariance by their Taylor series, then the prior
+    variance sample by sample.
+    """
     a = joint.state_matrix.astype(np.longdouble) * np.longdouble(period_s)
     b = joint.input_matrix.astype(np.longdouble)
     ahead = term = np.eye(4, dtype=np.longdouble)
@@ -96,7 +108,7 @@ def unless_refused(design, *data):
 
 
 def product(*polynomials):
-    """Highest power first, in fractions."""
+    """Multiply polynomials in fractions, highest power first."""
     whole = [Fraction(1)]
     for polynomial in polynomials:
         longer = [Fraction(0)] * (len(whole) + len(polynomial) - 1)
@@ -118,13 +130,16 @@ def total(*polynomials):
 
 
 def mirrored(polynomial):
-    """p(s) p(-s)."""
+    """Compute p(s) p(-s)."""
     return product(polynomial, [c * (-1) ** i for i, c in enumerate(reversed(polynomial))][::-1])
 
 
 def return_differences(joint, gains, noise):
-    """chi(s) chi(-s) (Jm Jlr)^2 of A - L C, what it is of the optimal L, a(s) a(-s) + sum q b(s) b(-s) / r, and the size of
-    what is added up; worked out by hand from the two equations of motion, in fractions, even powers from the 8th to the 0th."""
+    """Compute the return difference of L, that of the optimal L, and the size of their terms.
+
+    chi(s) chi(-s) (Jm Jlr)^2 of A - L C, and a(s) a(-s) + sum q b(s) b(-s) / r. Derived by hand
+    from the two equations of motion, in fractions, even powers from the 8th to the 0th.
+    """
     f = Fraction
     jm, n = f(joint.motor_inertia_kg_m2), f(joint.gear_ratio)
     jl, dl = f(joint.load_inertia_kg_m2) / n**2, f(joint.load_friction_n_m_s_rad) / n**2
@@ -221,7 +236,7 @@ def test_the_continuous_kalman_filter_has_the_optimal_return_difference_whatever
 
 def test_a_fine_encoder_is_not_lost_in_rounding():
     noise = Noise(encoder_counts_per_rev=2**23, encoder_period_s=1.25e-4)
-    scale, density = own_units(LISTED).states, noise.angle_rad2 * noise.encoder_period_s
+    scale, density = joint_units(LISTED).states, noise.angle_rad2 * noise.encoder_period_s
     a = (
         (LISTED.state_matrix - np.outer(kalman(LISTED, noise).gains, ENCODER))
         * scale
@@ -279,19 +294,19 @@ def test_the_sampled_filter_tends_to_the_continuous_one_with_the_period():
 
 
 @pytest.mark.parametrize(("counts", "left_out"), [(8192, 0), (2**20, 0), (2**40, 1)])
-def test_the_sampled_filter_tells_the_poles_of_its_error(counts, left_out):
+def test_the_sampled_filter_gives_the_poles_of_its_error(counts, left_out):
     estimator = sampled_kalman(LISTED, Noise(encoder_counts_per_rev=counts), PERIOD_S)
     a, _, _ = propagated(LISTED, PERIOD_S)
     poles = estimator.poles_1_s(LISTED)
     assert len(poles) == 4 - left_out
     assert np.max(poles.real) < -40.0
     found = np.poly(a @ (np.eye(4) - np.outer(estimator.gains, ENCODER)))
-    told = np.poly(np.append(np.exp(poles * PERIOD_S), np.zeros(left_out)))
-    np.testing.assert_allclose(told, found, atol=1e-9)
+    reported = np.poly(np.append(np.exp(poles * PERIOD_S), np.zeros(left_out)))
+    np.testing.assert_allclose(reported, found, atol=1e-9)
 
 
 @pytest.mark.parametrize("counts", [8192, 2**16])
-def test_the_promised_deviations_are_those_of_a_joint_with_noise_and_a_real_encoder(counts):
+def test_the_predicted_deviations_are_those_of_a_joint_with_noise_and_an_encoder(counts):
     rng, joints, samples, step = np.random.default_rng(4), 300, 1200, 2.0 * math.pi / counts
     estimator = sampled_kalman(LISTED, Noise(encoder_counts_per_rev=counts), PERIOD_S)
     a, b, added = propagated(LISTED, PERIOD_S)
@@ -334,7 +349,7 @@ def test_any_joint_and_noise_has_a_filter_that_settles_or_a_word_why_not(
         encoder_period_s=period_s,
     )
     if continuous := unless_refused(kalman, joint, noise):
-        error = own_units(joint).matrix(joint.state_matrix - np.outer(continuous.gains, ENCODER))
+        error = joint_units(joint).matrix(joint.state_matrix - np.outer(continuous.gains, ENCODER))
         assert np.max(np.linalg.eigvals(error).real) < 0.0
     if sampled := unless_refused(sampled_kalman, joint, noise, period_s):
         assert np.max(sampled.poles_1_s(joint).real) < 0.0
@@ -384,7 +399,7 @@ def test_a_joint_that_turns_is_estimated_without_lag():
     np.testing.assert_allclose(error, 0.0, atol=1e-9)
 
 
-def test_a_mode_the_encoder_does_not_see_is_refused():
+def test_an_unobservable_mode_is_refused():
     for design in (
         kalman,
         lambda joint: assign(joint, POLES),
@@ -405,29 +420,32 @@ def test_noise_on_the_motor_alone_is_enough():
         ([-100, -200, -300], r"\(4,\)"),
         ([-100, -200, -300 + 1j, -300 + 1j], "conjugate"),
         ([-100, -200, -300, 1.0], "real part <"),
-        ([-100, -200, -300, -3200], "sample faster"),
+        ([-100, -200, -300, -3200], "reduce the sample time"),
     ],
 )
-def test_poles_out_of_reach_are_refused(poles, match):
-    with pytest.raises(PolesOutOfReach, match=match):
+def test_poles_that_cannot_be_assigned_are_refused(poles, match):
+    with pytest.raises(PolesNotAssignable, match=match):
         assign(LISTED, poles, PERIOD_S)
 
 
 def test_a_filter_too_fast_for_the_sample_time_is_refused():
-    with pytest.raises(PolesOutOfReach, match=r"sample time of 0\.005 s"):
+    with pytest.raises(PolesNotAssignable, match=r"sample time of 0\.005 s"):
         kalman(LISTED).sampled(LISTED, 5e-3)
 
 
-def test_noise_too_unlike_for_floating_point_is_refused():
+def test_noises_too_far_apart_for_floating_point_are_refused():
     with pytest.raises(
         ServoError,
-        match=r"load_torque_n2_m2_s=0\.0, encoder_counts_per_rev=1099511627776.*rounding.*fewer counts",
+        match=(
+            r"load_torque_n2_m2_s=0\.0, encoder_counts_per_rev=1099511627776"
+            r".*rounding.*lower the encoder counts"
+        ),
     ):
         kalman(UNDAMPED, Noise(load_torque_n2_m2_s=0.0, encoder_counts_per_rev=2**40))
     coarse = Noise(motor_torque_n2_m2_s=1e-18, load_torque_n2_m2_s=0.0, encoder_counts_per_rev=1)
     with pytest.raises(
         ServoError,
-        match=r"leaves 0\.9999.* after a sample; must be < 1 - 1e-09: give the torques more noise",
+        match=r"leaves 0\.9999.* a sample; must be < 1 - 1e-09: raise the noise of the torques",
     ):
         sampled_kalman(UNDAMPED, coarse, PERIOD_S)
 
@@ -452,7 +470,7 @@ def test_a_sampled_filter_without_a_sample_time_is_refused():
 
 @pytest.mark.parametrize(
     ("joint", "motor_torque", "load_torque", "counts", "period_s"),
-    [  # entries of 2e15 and 1.5e16: the sampled equations would be rounding, another for each BLAS kernel
+    [  # entries of 2e15 and 1.5e16: the sampled equations would depend on the BLAS kernel
         (
             [
                 7.170768017872791e-09,
@@ -495,7 +513,7 @@ def test_a_joint_far_stiffer_than_its_sampling_never_makes_a_filter_of_rounding(
         encoder_counts_per_rev=counts,
     )
     with pytest.raises(
-        ServoError, match=r"sampled equations is .*; must be <= 1e\+09 to hold in floating point"
+        ServoError, match=r"sampled equations is .*; must be <= 1e\+09 for floating point"
     ):
         sampled_kalman(TwoMass(**dict(zip(names, joint, strict=True))), noise, period_s)
 

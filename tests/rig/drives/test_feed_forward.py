@@ -1,4 +1,7 @@
-"""The pair C1, C2 against a loop put together block by block, and its sampled form against scipy."""
+"""Feed-forward pair C1, C2 against a loop assembled block by block.
+
+Its sampled form against scipy.
+"""
 
 from __future__ import annotations
 
@@ -19,11 +22,11 @@ from rig.drives.servo.estimator import kalman
 from rig.drives.servo.feed_forward import (
     LoadFilter,
     characteristic,
-    dynamic,
+    dynamic_feed_forward,
     feed_forward_block,
-    least_degree,
-    nominal,
-    pair,
+    feed_forward_pair,
+    min_relative_degree,
+    nominal_system,
 )
 from rig.drives.servo.lqg import compensator
 from rig.drives.servo.state_feedback import lq
@@ -38,12 +41,15 @@ joints = pytest.mark.parametrize("joint", JOINTS.values(), ids=JOINTS)
 
 
 def f0(joint):
-    return LoadFilter.binomial(least_degree(joint))
+    return LoadFilter.binomial(min_relative_degree(joint))
 
 
 def response(joint, feedback, load_filter):
-    """Load angle over setpoint (N,) of the whole loop, solved frequency by frequency from the blocks' own responses."""
-    c1, c2 = pair(joint, feedback, load_filter)
+    """Compute the load angle over the setpoint (N,) of the whole loop.
+
+    Solved at each frequency from the responses of the blocks.
+    """
+    c1, c2 = feed_forward_pair(joint, feedback, load_filter)
     drive = compensator(joint, feedback, kalman(joint))
     rows = []
     for s in 1j * FREQUENCIES:
@@ -57,14 +63,14 @@ def response(joint, feedback, load_filter):
 @joints
 def test_the_load_follows_the_filter_whatever_observer_and_integral_do(joint):
     feedback = lq(joint, DATA["lq"]["weights"])
-    wanted = 1.0 / (1.0 + 1j * FREQUENCIES / 150.0) ** least_degree(joint)
+    wanted = 1.0 / (1.0 + 1j * FREQUENCIES / 150.0) ** min_relative_degree(joint)
     np.testing.assert_allclose(response(joint, feedback, f0(joint)), wanted, rtol=1e-12)
 
 
 @joints
 def test_interconnected_by_name_the_loop_is_the_filter_too(joint):
     feedback = lq(joint, DATA["lq"]["weights"])
-    c1, c2 = pair(joint, feedback, f0(joint))
+    c1, c2 = feed_forward_pair(joint, feedback, f0(joint))
     loop = control.interconnect(
         [
             control.ss(c1, inputs=["setpoint"], outputs=["reference"], name="C1"),
@@ -76,7 +82,7 @@ def test_interconnected_by_name_the_loop_is_the_filter_too(joint):
         outlist=["load_angle"],
         check_unused=False,
     )
-    wanted = 1.0 / (1.0 + 1j * FREQUENCIES / 150.0) ** least_degree(joint)
+    wanted = 1.0 / (1.0 + 1j * FREQUENCIES / 150.0) ** min_relative_degree(joint)
     np.testing.assert_allclose(np.squeeze(loop(1j * FREQUENCIES)), wanted, rtol=1e-12)
 
 
@@ -101,18 +107,20 @@ def test_the_closed_loop_s_polynomial_is_that_of_its_state_matrix(joint):
 @joints
 def test_the_pair_is_the_nominal_torque_less_what_feedback_makes_of_the_nominal_states(joint):
     feedback = lq(joint, DATA["lq"]["weights"])
-    c1, c2 = pair(joint, feedback, f0(joint))
+    c1, c2 = feed_forward_pair(joint, feedback, f0(joint))
     s = 1j * FREQUENCIES
-    told = nominal(joint, f0(joint))(s)[:, 0, :]
-    np.testing.assert_allclose(told[0], c1(s), rtol=1e-9)
-    np.testing.assert_allclose(told[4] - np.asarray(feedback.gains) @ told[:4], c2(s), rtol=1e-8)
+    nominal = nominal_system(joint, f0(joint))(s)[:, 0, :]
+    np.testing.assert_allclose(nominal[0], c1(s), rtol=1e-9)
+    np.testing.assert_allclose(
+        nominal[4] - np.asarray(feedback.gains) @ nominal[:4], c2(s), rtol=1e-8
+    )
 
 
 @joints
 def test_the_nominal_states_are_those_of_the_joint_under_the_nominal_torque(joint):
     for s in 1j * FREQUENCIES:
-        told = nominal(joint, f0(joint))(s)[:, 0]
-        np.testing.assert_allclose(joint.plant(s)[:, 0] * told[4], told[:4], rtol=1e-9)
+        nominal = nominal_system(joint, f0(joint))(s)[:, 0]
+        np.testing.assert_allclose(joint.plant(s)[:, 0] * nominal[4], nominal[:4], rtol=1e-9)
 
 
 def test_the_zero_that_is_cancelled_is_stable_in_every_joint():
@@ -130,39 +138,42 @@ def test_the_zero_that_is_cancelled_is_stable_in_every_joint():
 )
 def test_a_filter_with_too_few_poles_is_refused(name, degree, least):
     joint = JOINTS[name]
-    for told in (
-        nominal,
-        lambda j, f: pair(j, lq(j, DATA["lq"]["weights"]), f),
-        lambda j, f: dynamic(j, 1e-3, f),
+    for build in (
+        nominal_system,
+        lambda j, f: feed_forward_pair(j, lq(j, DATA["lq"]["weights"]), f),
+        lambda j, f: dynamic_feed_forward(j, 1e-3, f),
     ):
         with pytest.raises(
             Improper,
             match=rf"relative degree of {degree}; must be >= {least} .*binomial\({least}\)",
         ):
-            told(joint, LoadFilter.binomial(degree))
+            build(joint, LoadFilter.binomial(degree))
 
 
 @joints
-def test_sampled_under_held_setpoints_it_tells_the_nominal_states(joint):
+def test_the_sampled_block_gives_the_nominal_states_for_held_setpoints(joint):
     period = 1e-3
-    ahead, state = dynamic(joint, period, f0(joint)), None
+    ahead, state = dynamic_feed_forward(joint, period, f0(joint)), None
     fine = np.arange(0, 0.2, period / 20)
     steps = np.floor(fine / period + 1e-6)
-    system = nominal(joint, f0(joint))
+    system = nominal_system(joint, f0(joint))
     setpoint = np.sin(steps * 0.03)
     _, wanted, _ = lsim((system.A, system.B, system.C, system.D), setpoint, fine, interp=False)
     state, size = np.zeros(len(ahead.a)), np.abs(wanted).max(axis=0)
     for k in range(200):
         u = np.array([math.sin(k * 0.03), 0.0, 0.0])
-        told = ahead.c @ state + ahead.d @ u
-        np.testing.assert_allclose(told[:4], wanted[20 * k, :4], atol=1e-9 * size[:4].max())
-        assert told[5] == told[0]
+        nominal = ahead.c @ state + ahead.d @ u
+        np.testing.assert_allclose(nominal[:4], wanted[20 * k, :4], atol=1e-9 * size[:4].max())
+        assert nominal[5] == nominal[0]
         state = ahead.a @ state + ahead.b @ u
 
 
-def test_the_torque_told_is_its_mean_until_the_next_sample():
+def test_the_sampled_torque_is_its_mean_until_the_next_sample():
     period, rate = 1e-3, 300.0
-    ahead, system = dynamic(LISTED, period, f0(LISTED)), nominal(LISTED, f0(LISTED))
+    ahead, system = (
+        dynamic_feed_forward(LISTED, period, f0(LISTED)),
+        nominal_system(LISTED, f0(LISTED)),
+    )
     u = np.array([0.2, 3.0, -40.0])
     fine = np.linspace(0.0, period, 2001)
     setpoint = u[0] + u[1] * fine + u[2] * fine**2 / 2.0
@@ -174,16 +185,16 @@ def test_the_torque_told_is_its_mean_until_the_next_sample():
     assert (ahead.c @ start + ahead.d @ u)[4] == pytest.approx(mean, rel=1e-6)
 
 
-def test_a_rigid_joint_is_told_its_inertia_and_friction():
+def test_the_rigid_feed_forward_compensates_inertia_and_friction():
     joint, u = JOINTS["fitted"], np.array([2.0, 30.0, -500.0])
-    told = feed_forward_block("rigid", joint, 1e-3).d @ u
+    nominal = feed_forward_block("rigid", joint, 1e-3).d @ u
     inertia, friction = 1.5e-4 + 2.8736758e-4, 0.0034839632 + 4.9173636e-4
     np.testing.assert_allclose(
-        told, [2.0, 30.0, 2.0, 30.0, friction * 30.0 - inertia * 500.0, 2.0], rtol=1e-12
+        nominal, [2.0, 30.0, 2.0, 30.0, friction * 30.0 - inertia * 500.0, 2.0], rtol=1e-12
     )
 
 
-def test_without_feed_forward_only_the_integral_is_told():
+def test_without_feed_forward_only_the_integral_receives_the_setpoint():
     assert feed_forward_block("none", LISTED, 1e-3).d @ [2.0, 30.0, -500.0] == pytest.approx(
         [0.0, 0.0, 0.0, 0.0, 0.0, 2.0]
     )
@@ -216,11 +227,11 @@ def test_a_binomial_filter_is_one_at_rest_and_falls_by_its_degree_at_its_corner(
         ((2.0,), (1.0, 1.0), "F0 = 2 at rest"),
         ((1.0, 1.0, 1.0), (1.0, 1.0), "add poles"),
         ((), (1.0, 1.0), "finite"),
-        ((1.0,), (0.0, 1.0), "led by 0"),
+        ((1.0,), (0.0, 1.0), "first denominator coefficient not 0"),
         ((1.0,), (math.nan, 1.0), "finite"),
     ],
 )
-def test_filters_the_load_would_not_arrive_by_are_refused(numerator, denominator, match):
+def test_filters_that_would_not_reach_the_goal_are_refused(numerator, denominator, match):
     with pytest.raises(ServoError, match=match):
         LoadFilter(numerator, denominator)
 

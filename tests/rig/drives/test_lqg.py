@@ -1,4 +1,7 @@
-"""The drive on a joint integrated on its own, by the matrix exponential of equations written here."""
+"""State-space controller on a joint integrated by the test.
+
+By the matrix exponential of equations written here.
+"""
 
 from __future__ import annotations
 
@@ -14,10 +17,10 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 from scipy.signal import lsim
 
-from rig.drives.servo.errors import BeyondNyquist, Improper, PolesOutOfReach, ServoError
+from rig.drives.servo.errors import BeyondNyquist, Improper, PolesNotAssignable, ServoError
 from rig.drives.servo.estimator import Estimator, Noise, kalman, sampled_kalman
 from rig.drives.servo.feed_forward import LoadFilter
-from rig.drives.servo.lqg import StateSpaceController, compensator, continuous_facts
+from rig.drives.servo.lqg import StateSpaceController, analyse_continuous_loop, compensator
 from rig.drives.servo.setpoint import MotorSetpoint
 from rig.drives.servo.state_feedback import Feedback, assign, lq
 from rig.drives.servo.two_mass import TwoMass
@@ -44,7 +47,7 @@ def drive(joint, period_s=1e-3, **keys):
 
 
 def facts(controller, period_s):
-    return position_loop(LISTED, [controller.system], period_s).facts
+    return position_loop(LISTED, [controller.system], period_s).analysis
 
 
 def run(
@@ -58,7 +61,10 @@ def run(
     fine=5,
     start=(0, 0, 0, 0),
 ):
-    """The joint under the controller; fine instants a sample, the torques on motor and load constant."""
+    """Simulate the joint with the controller.
+
+    fine instants per sample; the torques on motor and load are constant.
+    """
     jm, jl = joint.motor_inertia_kg_m2, joint.load_inertia_kg_m2 / joint.gear_ratio**2
     k, d = joint.stiffness_n_m_rad, joint.elastic_damping_n_m_s_rad
     dm, dl = joint.motor_friction_n_m_s_rad, joint.load_friction_n_m_s_rad / joint.gear_ratio**2
@@ -79,7 +85,7 @@ def run(
 
 
 def trapezoid(figures):
-    """The setpoint as a function of time, and its top speed."""
+    """Build the setpoint as a function of time, and its top speed."""
     h, time, a = figures["distance_rad"], figures["time_s"], figures["acceleration_rad_s2"]
     ramp = (time - math.sqrt(time**2 - 4 * h / a)) / 2
 
@@ -134,7 +140,7 @@ def test_sampled_fast_the_vibration_is_that_of_the_continuous_loop(figures):
 
 def test_observer_and_feedback_keep_their_poles_when_put_together():
     apart = np.concatenate([FEEDBACK.poles_1_s(LISTED), ESTIMATOR.poles_1_s(LISTED)])
-    found = continuous_facts(LISTED, FEEDBACK, ESTIMATOR).poles_1_s
+    found = analyse_continuous_loop(LISTED, FEEDBACK, ESTIMATOR).poles_1_s
     np.testing.assert_allclose(np.sort_complex(found), np.sort_complex(apart), rtol=1e-7)
 
 
@@ -208,13 +214,13 @@ def test_margins_are_those_of_the_frequency_response(period_s):
     margins = facts(controller, period_s).margins
     crossings = np.flatnonzero((np.abs(loop[:-1]) - 1.0) * (np.abs(loop[1:]) - 1.0) < 0.0)
     phases = np.abs(np.degrees(np.angle(-loop[crossings])))
-    assert margins.phase_deg == pytest.approx(phases.min(), abs=0.1)
+    assert margins.phase_margin_deg == pytest.approx(phases.min(), abs=0.1)
     assert margins.crossover_rad_s == pytest.approx(w[crossings[phases.argmin()]], rel=1e-3)
     real = np.flatnonzero((loop.imag[:-1] * loop.imag[1:] < 0.0) & (loop.real[:-1] < 0.0))
     gains = -1.0 / loop.real[real]
-    assert margins.gain == pytest.approx(gains[gains > 1.0].min(), rel=2e-3)
+    assert margins.upper_gain_margin == pytest.approx(gains[gains > 1.0].min(), rel=2e-3)
     assert margins.lower_gain_margin == pytest.approx(gains[gains < 1.0].max(), rel=2e-3)
-    assert margins.sensitivity == pytest.approx(np.max(1.0 / np.abs(1.0 + loop)), rel=1e-4)
+    assert margins.peak_sensitivity == pytest.approx(np.max(1.0 / np.abs(1.0 + loop)), rel=1e-4)
 
 
 @joints
@@ -315,8 +321,8 @@ def test_a_limit_that_is_not_met_changes_nothing():
     np.testing.assert_array_equal(free.x, limited.x)
 
 
-def test_the_observer_knows_of_the_limit():
-    """Were it told the torque asked for, it would expect ten times the speed and drive against it."""
+def test_the_observer_receives_the_limited_torque():
+    """With the torque requested it would expect, and counteract, ten times the speed."""
     controller = drive(LISTED, torque_limit_n_m=0.1, feed_forward="rigid")
     pushed = run(controller, lambda t: MotorSetpoint(50.0), 0.2, fine=1)
     assert np.all(pushed.torque_n_m == 0.1)
@@ -362,7 +368,7 @@ def test_the_block_of_a_drive_is_what_it_steps(feed_forward):
 
 
 @joints
-def test_a_joint_it_is_not_told_of_is_held_all_the_same(joint):
+def test_a_joint_other_than_the_model_reaches_its_goal_too(joint):
     other = JOINTS["fitted" if joint is LISTED else "listed"]
     setpoint, _ = trapezoid(DATA["experiments"][0])
     found = run(drive(joint, feed_forward="rigid"), setpoint, 1.5, joint=other, fine=1)
@@ -380,7 +386,7 @@ def test_a_feedback_without_integral_still_steps():
     [
         ({"period_s": 0.0}, ServoError, "period_s = 0"),
         ({"period_s": math.nan}, ServoError, "period_s = nan"),
-        ({"period_s": 5e-3}, PolesOutOfReach, "sample faster"),
+        ({"period_s": 5e-3}, PolesNotAssignable, "reduce the sample time"),
         ({"period_s": 0.03}, BeyondNyquist, "resonance"),
         ({"torque_limit_n_m": 0.0}, ServoError, "torque_limit_n_m = 0"),
         ({"torque_limit_n_m": math.nan}, ServoError, "torque_limit_n_m = nan"),
@@ -395,8 +401,8 @@ def test_a_feedback_without_integral_still_steps():
             ServoError,
             "estimator of 0.002 s; must be the same",
         ),
-        ({"estimator": Estimator((0.0, 0.0, 0.0, 0.0))}, PolesOutOfReach, "real part <"),
-        ({"feedback": Feedback((1.0, 1.0, 0.0, 0.0), 1.0)}, PolesOutOfReach, "real part <"),
+        ({"estimator": Estimator((0.0, 0.0, 0.0, 0.0))}, PolesNotAssignable, "real part <"),
+        ({"feedback": Feedback((1.0, 1.0, 0.0, 0.0), 1.0)}, PolesNotAssignable, "real part <"),
     ],
 )
 def test_drives_that_cannot_be_are_refused(keys, error, match):

@@ -1,4 +1,4 @@
-"""What a drive believes of a joint: the source's modes, and polynomials against state space."""
+"""Model of an elastic joint: modes of source 001, and polynomials against state space."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rig.drives.servo.errors import ServoError
-from rig.drives.servo.loops import pole_pairs, swinging
+from rig.drives.servo.loops import oscillatory_pairs, pole_pairs
 from rig.drives.servo.two_mass import TwoMass
 
 DATA = tomllib.loads((Path(__file__).parents[2] / "data" / "servo_joint.toml").read_text())
@@ -29,7 +29,10 @@ joints = st.builds(
 
 
 def figures(joint: TwoMass) -> dict[str, float]:
-    (zero,), (pole,) = swinging(np.roots(joint.motor_numerator)), swinging(joint.poles_1_s)
+    (zero,), (pole,) = (
+        oscillatory_pairs(np.roots(joint.motor_numerator)),
+        oscillatory_pairs(joint.poles_1_s),
+    )
     return {
         "antiresonance_rad_s": zero.frequency_rad_s,
         "antiresonance_damping": zero.damping,
@@ -55,7 +58,7 @@ def test_the_normalised_joint_has_the_modes_of_its_closed_form():
     joint = TwoMass.normalised(
         n["antiresonance_rad_s"], n["inertia_ratio"], n["antiresonance_damping"]
     )
-    (pole,) = swinging(joint.poles_1_s)
+    (pole,) = oscillatory_pairs(joint.poles_1_s)
     assert pole == pytest.approx((n["resonance_rad_s"], n["resonance_damping"]), rel=1e-7)
     assert joint.rigid_inertia_kg_m2 == pytest.approx(1.0)
     assert joint.antiresonance_rad_s == pytest.approx(n["antiresonance_rad_s"])
@@ -63,7 +66,10 @@ def test_the_normalised_joint_has_the_modes_of_its_closed_form():
 
 @given(joints, st.floats(0.1, 1e3))
 def test_the_polynomials_are_the_transfer_functions_of_the_state_space(joint, omega):
-    """(s I - A) x = B tau, with the states that the polynomials say, each term to the rounding of the largest."""
+    """(s I - A) x = B tau with the states from the polynomials.
+
+    Each term to the rounding of the largest.
+    """
     s = 1j * omega
     angles = [
         np.polyval(n, s) / np.polyval(joint.denominator, s)
@@ -106,8 +112,8 @@ def test_a_datum_that_no_joint_has_is_named_with_its_bound(name, value):
         TwoMass(**(DATA["listed"] | {name: value}))
 
 
-def test_a_joint_that_cannot_swing_is_told_when_it_must():
-    with pytest.raises(ServoError, match="does not swing; must leave a pair of complex poles"):
+def test_a_joint_that_does_not_oscillate_is_refused_when_it_must():
+    with pytest.raises(ServoError, match="does not oscillate; must leave a complex pole pair"):
         TwoMass(**(DATA["listed"] | {"elastic_damping_n_m_s_rad": 10.0})).check_elastic()
     TwoMass(**DATA["listed"]).check_elastic()
 

@@ -199,7 +199,10 @@ def test_the_tables_show_the_figures_and_say_what_is_inferred(rig, tmp_path):
             "did you mean 'listed'? must be one of FILE.toml (its [model]), fitted, listed, normalised",
         ),
         (("--joint", "mine.toml"), "'mine.toml' cannot be read"),
-        (("--damping", "0"), "the joint's pair at 282.843 rad/s is undamped; must be damped"),
+        (
+            ("--damping", "0"),
+            "the pole pair of the joint at 282.843 rad/s is undamped; must be damped",
+        ),
         (("--speed-loop", "-1"), "--speed-loop = -1.0; must be 0.001 to 1000"),
         (("--position-loop", "nan"), "--position-loop = nan; must be 0.0001 to 100"),
         (
@@ -217,7 +220,7 @@ def test_the_tables_show_the_figures_and_say_what_is_inferred(rig, tmp_path):
         (("--sample-time", "0"), "--sample-time = 0.0; must be"),
         (
             ("--speed-loop", "0.5", "--damping", "0.6"),
-            "leaves a speed loop without a pair of poles",
+            "makes a speed loop without a complex pole pair",
         ),
         (("--plot", "poles.txt"), "must end in one of"),
         (("--plot", "nowhere/poles.svg"), "no folder 'nowhere'"),

@@ -12,8 +12,8 @@ from scipy.signal import lsim
 
 from planners.shapers import zv
 from rig.drives.servo.loops import PolePair
-from rig.drives.servo.shaped_setpoint import rate_1_s
-from rig.studies.servo.shaping import impulse_response, pulse
+from rig.drives.servo.shaped_setpoint import eigenvalue_1_s
+from rig.studies.servo.shaping import impulse_response, pulse_response
 
 DATA = tomllib.loads((Path(__file__).parents[2] / "data" / "servo_shaping.toml").read_text())
 PULSE = DATA["pulse"]
@@ -205,7 +205,7 @@ def test_a_picture_has_a_panel_for_each_shaper_one_for_the_speed_and_one_for_the
 
 def test_the_picture_s_curves_are_the_impulses_formula_and_the_pulse_s_end():
     t_s = np.linspace(0.0, 9.0, 50)
-    shaper, mode = zv(rate_1_s(PolePair(2.0, 0.1))), PolePair(1.7, 0.12)
+    shaper, mode = zv(eigenvalue_1_s(PolePair(2.0, 0.1))), PolePair(1.7, 0.12)
     wd, sigma, by_formula = 1.7 * math.sqrt(1 - 0.12**2), 1.7 * 0.12, np.zeros(50)
     for k, at in zip(*shaper, strict=True):
         since = t_s - at
@@ -214,7 +214,7 @@ def test_the_picture_s_curves_are_the_impulses_formula_and_the_pulse_s_end():
             * 1.7
         )
     np.testing.assert_allclose(1.7 * impulse_response(shaper, mode, t_s), by_formula, atol=1e-14)
-    done = pulse(3.0, shaper, PolePair(2.0, 0.1), watch_s=50.0)
+    done = pulse_response(3.0, shaper, PolePair(2.0, 0.1), watch_s=50.0)
     assert done.load_speed.duration_s == pytest.approx(3.0 + shaper.times_s[-1] + 50.0)
     assert done.load_speed.at([0.0, 60.0]) == pytest.approx([0.0, 3.0], abs=1e-12)
 
@@ -222,7 +222,7 @@ def test_the_picture_s_curves_are_the_impulses_formula_and_the_pulse_s_end():
 @pytest.mark.parametrize(
     ("words", "told_so"),
     [
-        (("--damping", 1), "damping = 1.0; must be 0 to 0.99: give the mode's damping ratio"),
+        (("--damping", 1), "damping = 1.0; must be 0 to 0.99: give the damping ratio of the mode"),
         (("--damping", -0.1), "damping = -0.1; must be 0 to 0.99"),
         (
             ("--damping", 0.9, "--damping-error", 0.2),
