@@ -33,7 +33,7 @@ from rig.drives.screw.limits import (
     least_lead_by_whirl_m,
 )
 from rig.drives.screw.load import AxisLoad
-from rig.drives.screw.requirements import Shares, Wishes
+from rig.drives.screw.requirements import Requirements, Utilisation
 from rig.drives.screw.shaft import BallScrew, Mounting
 from rig.drives.screw.supports import SUPPORTS
 from rig.drives.screw.table import table
@@ -65,8 +65,8 @@ AXIS = AxisSpec(
     cycle=CYCLE,
     transmission=GEAR,
     balls=Balls(limit_m_rpm=120.0),
-    shares=Shares(whirl=0.7, buckling=0.6, balls=0.8, service_factor=1.2),
-    wishes=Wishes(life_h=300_000.0, lead_class="ISO 5"),
+    utilisation=Utilisation(whirl=0.7, buckling=0.6, balls=0.8, service_factor=1.2),
+    requirements=Requirements(life_h=300_000.0, lead_class="ISO 5"),
 )
 UNIT = CatalogueEntry(
     name="80V hp 20x20",

@@ -82,7 +82,7 @@ def test_the_preload_is_in_the_life_phase_by_phase(preload):
 
 
 def test_the_usual_share_is_for_nuts_that_tell_no_preload():
-    shared = replace(AXIS, shares=replace(AXIS.shares, preload=0.05))
+    shared = replace(AXIS, utilisation=replace(AXIS.utilisation, preload=0.05))
     assert (
         checks_of(shared, UNIT)["life"].value
         == checks_of(AXIS, replace(UNIT, preload_n=580.0))["life"].value
@@ -119,5 +119,6 @@ def test_the_command_says_what_life_the_recommended_preload_would_leave(rig):
         return checks_of(AXIS, replace(UNIT, preload_n=preload))["life"].value
 
     _, said, _ = rig("size", "--example", "appendix")
-    words = f"580 to 1160 N, leave a life of {float(f'{hours(580.0):.4g}'):g} to {hours(1160.0):.4g} h of the 300000 h asked for"
+    least, most = (float(f"{hours(preload):.4g}") for preload in (1160.0, 580.0))
+    words = f"580 to 1160 N, leave a life of {most:g} to {least:g} h; required: 300000 h"
     assert words in " ".join(said.split())
