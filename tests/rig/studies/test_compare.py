@@ -29,8 +29,19 @@ from rig.studies.thesis_tables.exact import exact_metrics
 from rig.studies.thesis_tables.nodes import shaped_nodes, shooting_nodes
 from rig.studies.thesis_tables.ode45 import ode45
 from rig.studies.thesis_tables.published import TABLES, rows
-from rig.studies.thesis_tables.source_metrics import SOURCE_SAMPLE_S, InputNodes, measure, respond
-from rig.studies.thesis_tables.table import PENDULUM, TWO_BARS, compare, planning_time, problem_of
+from rig.studies.thesis_tables.source_metrics import (
+    SOURCE_SAMPLE_S,
+    InputNodes,
+    response,
+    source_metrics,
+)
+from rig.studies.thesis_tables.table import (
+    PENDULUM,
+    TWO_BARS,
+    compare_table,
+    planning_time,
+    problem_of,
+)
 from rig.ui.cli.compare import compare as verb
 
 G, TAU = 9.81, 1 / (20 * math.pi)
@@ -142,10 +153,10 @@ def ours(two_bars, method, input, robust, time_s, window, samples):
     if method in ("zv", "zvd"):
         halves = (0.820, 0.189) if two_bars else (1.0,)
         nodes = shaped_nodes(0.2, time_s, halves, derivatives=int(method == "zvd"), samples=samples)
-        return measure(state_space(*plant), nodes)
+        return source_metrics(state_space(*plant), nodes)
     if method == "shooting":
         nodes = shooting_nodes(PENDULUM, 0.2, time_s, robust=robust)
-        return measure(state_space(*plant), nodes, window=window)
+        return source_metrics(state_space(*plant), nodes, window=window)
     problem = filtered(*plant) if input == "jerk" else plant
     wide = doubly(*problem) if robust else problem
     speed = input == "force" or (input == "jerk" and two_bars)
@@ -159,7 +170,7 @@ def ours(two_bars, method, input, robust, time_s, window, samples):
         )
     else:
         nodes, driven = exact_nodes(*wide, time_s), problem
-    return measure(
+    return source_metrics(
         state_space(*driven), nodes, window=window, acceleration="speed" if speed else "nodes"
     )
 
@@ -266,7 +277,7 @@ def test_a_free_cart_follows_any_broken_line_exactly(gaps, values):
         np.array([[0.0, 1.0], [0.0, 0.0]]),
         np.array([[0.0], [1.0]]),
     )
-    x = respond(plant, InputNodes(t, u), end)
+    x = response(plant, InputNodes(t, u), end)
     at = SOURCE_SAMPLE_S * np.arange(len(x))
     np.testing.assert_allclose(x[:, 1], line.antiderivative()(at), atol=1e-14)
     np.testing.assert_allclose(x[:, 0], line.antiderivative(2)(at), atol=1e-14)
@@ -281,7 +292,7 @@ def test_the_response_agrees_with_an_integrator(plant):
     a, b = plant
     t = np.array([0.0, 0.0123, 0.05, 0.0777, 0.1501])
     u = np.array([1.0, -2.0, 3.0, 0.5, 4.0])
-    x = respond(state_space(a, b), InputNodes(t, u), 0.3)
+    x = response(state_space(a, b), InputNodes(t, u), 0.3)
     state, at = np.zeros(len(b)), 0.0
     for begin, end, left, right in [
         *zip(t[:-1], t[1:], u[:-1], u[1:], strict=True),
@@ -307,7 +318,7 @@ def test_the_response_agrees_with_an_integrator(plant):
 def test_residuals_are_signed_maxima_after_the_move():
     """A short kick to the right swings the load left first: the largest signed angle is half a period later."""
     t = np.array([0.0, 0.001, 0.5])
-    figures = measure(state_space(*pendulum()), InputNodes(t, np.array([10.0, 0.0, 0.0])))
+    figures = source_metrics(state_space(*pendulum()), InputNodes(t, np.array([10.0, 0.0, 0.0])))
     w = math.sqrt(G)
     kick, middle = (
         0.005 / w,
@@ -348,14 +359,14 @@ def test_a_shaper_longer_than_the_move_is_refused():
 
 def test_a_shaped_law_moves_the_cart_and_brings_it_to_rest():
     nodes = shaped_nodes(0.2, 2.5, (0.820, 0.189))
-    x = respond(state_space(*bars()), nodes, 2.5)
+    x = response(state_space(*bars()), nodes, 2.5)
     assert x[-1, 0] == pytest.approx(0.2, abs=1e-4)
     assert x[-1, 1] == pytest.approx(0.0, abs=1e-4)
 
 
 @cache
 def compared(table):
-    return compare(table)
+    return compare_table(table)
 
 
 @pytest.mark.parametrize("table", TABLES)
@@ -617,7 +628,7 @@ def test_the_techniques_are_told_in_our_words_and_the_dashes_are_counted(capsys,
 
 def test_a_file_in_no_folder_is_refused_before_any_work(tmp_path, monkeypatch):
     monkeypatch.setattr(
-        "rig.studies.thesis_tables.table.compare", lambda *_: pytest.fail("worked first")
+        "rig.studies.thesis_tables.table.compare_table", lambda *_: pytest.fail("worked first")
     )
     with pytest.raises(ConfigError, match=r"--csv .*nowhere"):
         verb("3.2", csv_file=tmp_path / "nowhere" / "table.csv")
@@ -652,7 +663,7 @@ def test_the_verb_writes_a_line_for_each_figure(tmp_path, capsys):
 
 
 def test_the_verb_ends_badly_when_a_row_is_not_what_it_should_be(monkeypatch, capsys):
-    monkeypatch.setattr("rig.studies.thesis_tables.table.INTERVALS", 100)
+    monkeypatch.setattr("rig.studies.thesis_tables.table.SOURCE_INTERVALS", 100)
     assert verb("3.8") == 6
     assert "differs, not nothing" in capsys.readouterr().out
 
