@@ -1,4 +1,4 @@
-"""The motor check against the source's two tasks, sampling, quadrature and properties."""
+"""Motor check against the two tasks of source 000, sampling, quadrature and properties."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def test_effort_between_any_two_speeds_agrees_with_quadrature_and_sampling(motio
     )
 
 
-def test_a_smooth_motion_asks_for_what_the_closed_form_it_copies_does():
+def test_a_smooth_motion_has_the_effort_of_the_closed_form_that_it_copies():
     law = LAWS["septic"](0.9)
     twin = Trajectory(tuple(Smooth(p.duration_s, p.at, 4) for p in law.pieces))
     one, other = effort(SHAFT, law), effort(SHAFT, twin)
@@ -124,7 +124,7 @@ def test_a_smooth_motion_asks_for_what_the_closed_form_it_copies_does():
 
 
 def test_a_gear_divides_the_load_by_its_square_and_multiplies_the_speed():
-    """The shaft's torque is the motor's own, and the load's over the ratio."""
+    """The torque at the shaft is the motor's own, and the load's over the ratio."""
     law, ratio = LAWS["quintic"](1.0), 12.0
     geared = Drivetrain(
         motor_inertia_kg_m2=2e-4,
@@ -144,7 +144,7 @@ def test_a_gear_divides_the_load_by_its_square_and_multiplies_the_speed():
     )
 
 
-def test_a_mass_on_a_drum_costs_its_inertia_and_its_speed_over_the_radius():
+def test_a_mass_on_a_drum_has_its_inertia_and_its_speed_over_the_radius():
     law, radius_m = LAWS["cubic"](2.0).scaled(0.5), 0.04
     drum = Drivetrain(
         motor_inertia_kg_m2=1e-5, load_inertia_kg_m2=3.0 * radius_m**2, radius_m=radius_m
@@ -157,7 +157,7 @@ def test_a_mass_on_a_drum_costs_its_inertia_and_its_speed_over_the_radius():
     )
 
 
-def test_rest_between_the_moves_cools_the_motor_and_the_least_rest_just_does():
+def test_the_least_rest_between_the_moves_brings_the_rms_torque_to_its_limit():
     small = Motor(continuous_torque_n_m=5.0, peak_torque_n_m=20.0, max_speed_rad_s=10.0)
     hot = check_motor(small, SHAFT, TASKS["trapezoidal"])
     assert (hot.feasible, hot.tightest) == (False, "thermal")
@@ -170,7 +170,7 @@ def test_rest_between_the_moves_cools_the_motor_and_the_least_rest_just_does():
     assert effort(SHAFT, held).rms_torque_n_m == pytest.approx(5.0, rel=1e-12)
 
 
-def test_a_power_limit_can_be_what_refuses_a_motion():
+def test_a_power_limit_can_be_the_tightest_limit():
     assert (
         check_motor(
             Motor(
@@ -191,7 +191,7 @@ def test_a_power_limit_can_be_what_refuses_a_motion():
     assert verdict.power_margin == 1.0
 
 
-def test_the_outline_is_the_region_a_point_is_judged_by():
+def test_the_outline_is_the_edge_of_torque_speed_and_power():
     motor = Motor(
         continuous_torque_n_m=8.0, peak_torque_n_m=20.0, max_speed_rad_s=10.0, peak_power_w=100.0
     )
@@ -224,7 +224,7 @@ def test_a_step_in_speed_is_refused_and_a_start_at_speed_is_not():
     ).effort.rms_torque_n_m == pytest.approx(0.3)
 
 
-def test_motors_and_drivetrains_that_are_none_are_refused():
+def test_invalid_motors_and_drivetrains_are_refused_by_name_value_and_bound():
     with pytest.raises(PlanError, match=r"max_speed_rad_s = 0\.0; must be 1e-12 to"):
         Motor(continuous_torque_n_m=1.0, peak_torque_n_m=2.0, max_speed_rad_s=0.0)
     with pytest.raises(

@@ -1,4 +1,4 @@
-"""The next step that a broken check names: applied, the check is kept; and no step that cannot help."""
+"""Next steps of broken checks: each one keeps its check, and none is named that cannot help."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def test_the_times_that_are_named_keep_the_speed(limit, law):
 
 @settings(max_examples=30)
 @given(st.floats(0.4, 0.99), st.sampled_from(("motor", "brake")))
-def test_the_rest_that_is_named_keeps_the_motor_cool(share, hold):
+def test_the_rest_that_is_named_keeps_the_rms_torque(share, hold):
     gear = replace(AXIS.transmission, hold=hold)
     axis = replace(AXIS, transmission=gear)
     hot = check_of(axis, SCREW, "motor torque, rms").value
@@ -145,7 +145,7 @@ def test_the_rest_that_is_named_keeps_the_motor_cool(share, hold):
 
 
 def test_rests_are_no_remedy_where_holding_takes_too_much():
-    """80 kg straight up on 5 mm: 80 x 9.81 x 0.005 / (2 pi x 0.9) N m."""
+    """By hand: 80 kg straight up, lead of 5 mm: 80 x 9.81 x 0.005 / (2 pi x 0.9) N m."""
     axis = replace(AXIS, load=AxisLoad(mass_kg=80.0, slope_rad=math.pi / 2))
     hold = 80 * 9.81 * 0.005 / (2 * math.pi * 0.9)
     motor = Motor(continuous_torque_n_m=0.5, peak_torque_n_m=0.6, max_speed_rad_s=1e4)
@@ -179,7 +179,7 @@ def test_a_screw_is_no_remedy_where_bearing_and_nut_are_too_soft():
     )
 
 
-def test_what_is_stiffest_or_fastest_already_is_no_remedy():
+def test_supports_and_balls_that_are_the_best_already_are_no_remedy():
     fixed = replace(AXIS, mounting=Mounting(length_m=1.2, support=SUPPORTS["fixed-fixed"]))
     assert "stiffer supports" in check_of(AXIS, SCREW, "whirling").reason
     assert "stiffer supports" not in check_of(fixed, SCREW, "whirling").reason
@@ -206,7 +206,9 @@ def test_preload_is_named_only_where_less_of_it_helps():
 @pytest.mark.parametrize(
     ("preload_n", "share"), [(None, 0.0), (0.0, 0.1), (900.0, 0.0), (None, 0.05), (None, 0.3)]
 )
-def test_the_dynamic_load_that_is_named_lasts_and_a_little_less_does_not(hours, preload_n, share):
+def test_the_dynamic_load_that_is_named_reaches_the_life_and_a_little_less_does_not(
+    hours, preload_n, share
+):
     axis = replace(
         AXIS,
         requirements=Requirements(life_h=hours),
@@ -223,7 +225,7 @@ def test_the_dynamic_load_that_is_named_lasts_and_a_little_less_does_not(hours, 
         assert check_of(axis, replace(weak, dynamic_load_n=factor * load), "life").state == state
 
 
-def test_some_preloads_grow_as_fast_as_the_nut():
+def test_no_dynamic_load_is_named_where_the_preload_grows_as_fast():
     axis = replace(
         AXIS,
         requirements=Requirements(life_h=1e5),
@@ -235,7 +237,7 @@ def test_some_preloads_grow_as_fast_as_the_nut():
 
 
 def test_a_lead_that_no_screw_of_the_diameter_has_is_not_named():
-    """The unit of source 004 with a preload of 5 % of its rating would need 171 mm for 300000 h."""
+    """The unit of source 004 with a preload of 5 % of its rating needs 171 mm for 300000 h."""
     sizing = sizing_of(example_tables("appendix"))
     reason = check_of(sizing.axis, replace(sizing.choice, preload_n=580.0), "life").reason
     assert "a lead of" not in reason
