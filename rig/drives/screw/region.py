@@ -46,7 +46,7 @@ class Region(NamedTuple):
 
 
 def region(axis: AxisSpec, diameter_m: FloatArray, nut: CatalogueEntry | None = None) -> Region:
-    """Compute the limit curves over diameters > 0, (N,), with core and ball circle as wide.
+    """Compute the limit curves over diameters > 0, (N,), for shafts of one diameter.
 
     Balls and life are those of the nut where one is given; life needs its dynamic load rating. A
     requirement has a curve only where it is specified. Limits of motor and unit have none.

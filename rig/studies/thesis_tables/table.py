@@ -104,7 +104,7 @@ class RowComparison(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def as_expected(self) -> bool:
-        """True if exactly the columns in row.off differ; always true of a dash without a plan."""
+        """True if exactly the columns in row.off differ; always true of a dash."""
         return set(self.off) == set(self.row.off) and bool(self.ours) >= bool(self.row.figures)
 
 
