@@ -25,9 +25,7 @@ AHEAD = [MotorSetpoint(0.1 * k, 100.0, 10.0) for k in range(STEPS)]
 def main() -> None:
     """Measure and print."""
     spec = read_spec(None)
-    print(interpreter_line(), end="
-
-")
+    print(interpreter_line(), end="\n\n")
     print(f"{'controller':14s}{'us a step':>10s}")
     for name, design in CONTROLLERS.items():
         print(f"{name:14s}{_step_s(design(spec).controller) * 1e6:10.2f}")

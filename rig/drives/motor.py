@@ -1,6 +1,7 @@
-"""Can this motor do this motion: torque through a gear, speed, heat, and what is left of each limit.
+"""Check of a motor against a motion: torque through a gear, speed and heat, with margins.
 
-tau = J q'' + B q' at the motor's shaft, J = J_motor + J_load / ratio^2, B likewise (source 000, use of the actuator).
+At the motor's shaft tau = J q'' + B q', with J = J_motor + J_load / ratio^2 and B likewise (source
+000, use of the actuator).
 """
 
 from __future__ import annotations
@@ -19,15 +20,16 @@ from planners.trajectories.driven import Term, real_part
 from planners.trajectories.pieces import FloatArray, ModalTerm, Piece, Smooth, add
 from planners.trajectories.trajectory import JUMP, Peak, Trajectory
 
-TOLERANCE = 1e-9  # of a limit; a motion that meets it exactly keeps it
+LIMIT_EXCESS_REL = 1e-9  # share of a limit that a value may exceed it by: rounding
 
 
 @dataclass(frozen=True, kw_only=True)
 class Motor:
-    """The catalogue's data, which are the two regions of the torque-speed plane, alike for all four signs.
+    """Limits of a motor: two regions of the torque-speed plane, equal for all four signs.
 
-    Intermittent: |torque| <= peak, |speed| <= max, |torque x speed| <= peak power; continuous: the same below the continuous
-    torque. Raises PlanError for a limit that is not 1e-12 to 1e12 (a power may be inf), or a continuous torque above the peak.
+    Intermittent region: |torque| <= peak, |speed| <= max, |torque x speed| <= peak power.
+    Continuous region: the same, up to the continuous torque. Raises PlanError for a limit that is
+    not 1e-12 to 1e12 (a power may be inf), or a continuous torque above the peak.
     """
 
     continuous_torque_n_m: float
@@ -42,14 +44,15 @@ class Motor:
                 bounds.datum(field.name, value)
         if self.continuous_torque_n_m > self.peak_torque_n_m:
             raise PlanError(
-                f"continuous_torque_n_m = {self.continuous_torque_n_m}; must be <= peak_torque_n_m = {self.peak_torque_n_m}: "
-                "were they exchanged?"
+                f"continuous_torque_n_m = {self.continuous_torque_n_m}; must be <= "
+                f"peak_torque_n_m = {self.peak_torque_n_m}: check whether the two are exchanged"
             )
 
     def outline(self, torque_n_m: float, points: int = 101) -> tuple[FloatArray, FloatArray]:
-        """Edge of the region below a torque, for speeds from 0 to the largest: speed [rad/s] and torque [N m], (points,) each.
+        """Compute the edge of a region: speed [rad/s] and torque [N m], (points,) each.
 
-        Give continuous_torque_n_m or peak_torque_n_m. Mirror it for the other signs.
+        torque_n_m is the continuous or the peak torque. Speeds are 0 to the largest; the edge is
+        mirrored for the other signs.
         """
         bounds.datum("torque_n_m", torque_n_m)
         speed = np.linspace(0.0, self.max_speed_rad_s, points)
@@ -61,9 +64,11 @@ class Motor:
 
 @dataclass(frozen=True, kw_only=True)
 class Drivetrain:
-    """Motor, gear and load. The trajectory is the load's: in rad, or in m rolled off a radius [m/rad] (a screw: lead / 2 pi).
+    """Inertia and friction of motor and load, and the gear between them.
 
-    Raises PlanError for numbers that are not 1e-12 to 1e12 (inertia and friction may be 0), and for no inertia at all.
+    The trajectory is that of the load: in rad, or in m with a radius [m/rad], lead / 2 pi of a
+    screw. Raises PlanError for numbers that are not 1e-12 to 1e12 (inertia and friction may be 0),
+    and for an inertia of 0 in total.
     """
 
     motor_inertia_kg_m2: float
@@ -82,36 +87,43 @@ class Drivetrain:
             )
         if not self.inertia_kg_m2 > 0.0:
             raise PlanError(
-                "inertia_kg_m2 = 0 of a drivetrain; must be > 0: the motor's rotor has some"
+                "inertia_kg_m2 = 0 of a drivetrain; must be > 0: give the inertia of the rotor"
             )
 
     @property
     def inertia_kg_m2(self) -> float:
-        """J_motor + J_load / ratio^2, felt at the motor's shaft."""
+        """Inertia at the motor's shaft: J_motor + J_load / ratio^2."""
         return self.motor_inertia_kg_m2 + self.load_inertia_kg_m2 / self.gear_ratio**2
 
     @property
     def friction_n_m_s_rad(self) -> float:
-        """B_motor + B_load / ratio^2, felt at the motor's shaft."""
+        """Viscous friction at the motor's shaft: B_motor + B_load / ratio^2."""
         return self.motor_friction_n_m_s_rad + self.load_friction_n_m_s_rad / self.gear_ratio**2
 
-    def shaft(self, trajectory: Trajectory) -> Trajectory:
-        """Angle of the motor's shaft [rad]. Raises PlanError for a step in speed within the motion: no torque makes it."""
+    def shaft_angle(self, trajectory: Trajectory) -> Trajectory:
+        """Compute the angle of the motor's shaft [rad].
+
+        Raises PlanError for a motion out of bounds, and for a step in speed within it, which would
+        need an infinite torque.
+        """
         bounds.duration(trajectory.duration_s)
-        for place in trajectory.at(trajectory.breaks_s).tolist():
+        for position in trajectory.at(trajectory.breaks_s).tolist():
             check_range(
                 "position",
-                place,
+                position,
                 -bounds.FARTHEST_M,
                 bounds.FARTHEST_M,
                 "scale the motion to rad or m",
             )
-        _refuse_speed_steps(trajectory)
+        _check_speed_steps(trajectory)
         return trajectory.scaled(self.gear_ratio / self.radius_m)
 
 
 class Effort(NamedTuple):
-    """What a motion asks of the motor's shaft; values are exact, and torque is rms over the motion alone."""
+    """Peak and rms values of a motion at the motor's shaft.
+
+    They are exact. The rms torque is over the motion, without rest.
+    """
 
     peak_torque_n_m: Peak
     rms_torque_n_m: float
@@ -121,11 +133,11 @@ class Effort(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    """Shares of the limits that a motion leaves: 0.1 is a tenth to spare, below 0 is too much."""
+    """Margins of a motion: 1 - value / limit each, below 0 where the limit is exceeded."""
 
     effort: Effort
     cycle_torque_n_m: float  # rms over motion and rest
-    least_rest_s: float  # with which the continuous torque is kept
+    least_rest_s: float  # least rest that keeps the continuous torque
     torque_margin: float
     thermal_margin: float
     speed_margin: float
@@ -133,7 +145,7 @@ class Verdict(NamedTuple):
 
     @property
     def margins(self) -> dict[str, float]:
-        """By name of the limit."""
+        """Margins by the name of the limit."""
         return {
             "torque": self.torque_margin,
             "thermal": self.thermal_margin,
@@ -143,24 +155,26 @@ class Verdict(NamedTuple):
 
     @property
     def feasible(self) -> bool:
-        """Whether every limit is kept, met exactly or not."""
-        return min(self.margins.values()) >= -TOLERANCE
+        """True if every limit is kept; one that is met exactly is kept."""
+        return min(self.margins.values()) >= -LIMIT_EXCESS_REL
 
     @property
     def tightest(self) -> str:
-        """The limit with the least margin."""
+        """Name of the limit with the least margin."""
         return min(self.margins, key=self.margins.__getitem__)
 
 
-def check(
+def check_motor(
     motor: Motor, drivetrain: Drivetrain, trajectory: Trajectory, rest_s: float = 0.0
 ) -> Verdict:
-    """Whether the motor can repeat the motion with rest_s of standstill after each: peaks for the intermittent region, rms
-    torque over motion and rest for the continuous one (source 000, its tau_eff <= tau_c and q'_max <= v_n).
+    """Check a motor that repeats a motion, with a rest of rest_s after each.
 
-    Raises PlanError for a rest that is not 0 to 1e9 s, a motion out of bounds, and for a step in speed.
+    Peaks are compared with the intermittent region, the rms torque over motion and rest with the
+    continuous one (tau_eff <= tau_c and q'_max <= v_n of source 000).
+
+    Raises PlanError for a rest that is not 0 to 1e9 s, a motion out of bounds, and a step in speed.
     """
-    check_range("rest_s", rest_s, 0.0, bounds.LONGEST_S, "0 is a motion that begins anew at once")
+    check_range("rest_s", rest_s, 0.0, bounds.LONGEST_S, "0 repeats the motion without a pause")
     need = effort(drivetrain, trajectory)
     heat = need.rms_torque_n_m**2 * need.duration_s  # integral of torque^2
     cycle = math.sqrt(heat / (need.duration_s + rest_s))
@@ -176,28 +190,33 @@ def check(
 
 
 def effort(drivetrain: Drivetrain, trajectory: Trajectory) -> Effort:
-    """Peaks and rms at the motor's shaft. Torque^2 itself is integrated, so a motion between two speeds is right, too."""
-    shaft = drivetrain.shaft(trajectory)
+    """Compute peak and rms values at the motor's shaft.
+
+    Torque^2 itself is integrated, so that a motion that starts or ends at speed is exact too.
+    """
+    shaft = drivetrain.shaft_angle(trajectory)
     torque = _torque(drivetrain, shaft)
-    power = Trajectory(
-        tuple(_product(t, _rate(q, 1)) for t, q in zip(torque.pieces, shaft.pieces, strict=True))
-    )
+    pieces = [
+        _multiply(t, _differentiate(q, 1)) for t, q in zip(torque.pieces, shaft.pieces, strict=True)
+    ]
+    power = Trajectory(tuple(pieces))
     return Effort(torque.peak(), torque.rms(), shaft.peak(1), power.peak(), shaft.duration_s)
 
 
 def torque(drivetrain: Drivetrain, trajectory: Trajectory) -> Trajectory:
-    """Torque at the motor's shaft over time: pieces like those of a position, with values in N m."""
-    return _torque(drivetrain, drivetrain.shaft(trajectory))
+    """Compute the torque at the motor's shaft over time [N m], piece by piece as the motion."""
+    return _torque(drivetrain, drivetrain.shaft_angle(trajectory))
 
 
 def operating_points(
     drivetrain: Drivetrain, trajectory: Trajectory, points_per_piece: int = 200
 ) -> tuple[FloatArray, FloatArray]:
-    """The motion's curve in the torque-speed plane: speed [rad/s] and torque [N m], (pieces x points,) each.
+    """Sample the motion in the torque-speed plane.
 
-    Every piece is sampled from its own start to its own end, so that a step of torque is drawn as one.
+    Speed [rad/s] and torque [N m], (pieces x points,) each. Every piece is sampled from its own
+    start to its own end, so that a step of torque is drawn as one.
     """
-    shaft = drivetrain.shaft(trajectory)
+    shaft = drivetrain.shaft_angle(trajectory)
     speeds, torques = [], []
     for q, t in zip(shaft.pieces, _torque(drivetrain, shaft).pieces, strict=True):
         times = np.linspace(0.0, q.duration_s, points_per_piece)
@@ -208,12 +227,14 @@ def operating_points(
 
 def _torque(drivetrain: Drivetrain, shaft: Trajectory) -> Trajectory:
     inertia, friction = drivetrain.inertia_kg_m2, drivetrain.friction_n_m_s_rad
-    return Trajectory(
-        tuple(add(_rate(q, 2).scaled(inertia), _rate(q, 1).scaled(friction)) for q in shaft.pieces)
-    )
+    pieces = []
+    for angle in shaft.pieces:
+        accelerating = _differentiate(angle, 2).scaled(inertia)
+        pieces.append(add(accelerating, _differentiate(angle, 1).scaled(friction)))
+    return Trajectory(tuple(pieces))
 
 
-def _rate(piece: Piece, order: int) -> Piece:
+def _differentiate(piece: Piece, order: int) -> Piece:
     if isinstance(piece, Smooth):
         return Smooth(
             piece.duration_s, lambda t, k: piece.at(t, k + order), piece.highest_order - order
@@ -223,23 +244,28 @@ def _rate(piece: Piece, order: int) -> Piece:
     return piece
 
 
-def _product(a: Piece, b: Piece) -> Piece:
-    """a(t) b(t): of two waves the wave of the sum and that of the difference, half each."""
+def _multiply(a: Piece, b: Piece) -> Piece:
+    """Compute a(t) b(t).
+
+    The product of two oscillations is half the oscillation of the sum of their rates plus half that
+    of the difference.
+    """
     if isinstance(a, Smooth) or isinstance(b, Smooth):
         return Smooth(a.duration_s, lambda t, _: a.at(t) * b.at(t), 0)
     parts: list[tuple[complex, Term]] = []
-    for (r, p), (s, q) in product(
-        (ModalTerm(0j, a.coefficients), *a.modes), (ModalTerm(0j, b.coefficients), *b.modes)
-    ):
+    terms_a = (ModalTerm(0j, a.coefficients), *a.modes)
+    terms_b = (ModalTerm(0j, b.coefficients), *b.modes)
+    for (r, p), (s, q) in product(terms_a, terms_b):
         for rate, other in ((s, np.array(q)), (s.conjugate(), np.conj(q))):
             parts.append((0.5, Term(r + rate, tuple(np.convolve(p, other).tolist()))))
     return real_part(parts, a.duration_s)
 
 
-def _refuse_speed_steps(trajectory: Trajectory) -> None:
+def _check_speed_steps(trajectory: Trajectory) -> None:
     steps = np.abs(speed_steps(trajectory)[1:-1])
     if steps.size and steps.max() > JUMP * trajectory.peak(1).value:
         k = int(steps.argmax())
         raise PlanError(
-            f"speed steps by {steps[k]:.6g} at {trajectory.breaks_s[k + 1]:.6g} s; must be 0 for a motor: blend the segments"
+            f"speed steps by {steps[k]:.6g} at {trajectory.breaks_s[k + 1]:.6g} s; must be 0 for a "
+            "motor: blend the segments"
         )

@@ -814,7 +814,7 @@ def test_the_document_has_every_plan_of_the_source_over_every_parameter(document
         )
     )
     assert (
-        msgspec.json.decode(msgspec.json.encode(document), type=dict[str, curves.Series])
+        msgspec.json.decode(msgspec.json.encode(document), type=dict[str, curves.SensitivityCurve])
         == document
     )
 

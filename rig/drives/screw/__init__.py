@@ -1,4 +1,4 @@
-"""Ball screw: demands of the cycle, every check, and the chart of diameters and leads.
+"""Ball screw: demand of the cycle, checks of the limits, region of diameters and leads.
 
 Imports planners only.
 """

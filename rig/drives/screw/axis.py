@@ -1,4 +1,4 @@
-"""An axis that is to get a screw."""
+"""Specification of an axis that needs a ball screw."""
 
 from __future__ import annotations
 
@@ -15,26 +15,30 @@ from rig.drives.screw.cycle import Cycle
 from rig.drives.screw.demand import Demand, demand, equivalent_load_n
 from rig.drives.screw.load import AxisLoad
 from rig.drives.screw.preload import drag_torque_n_m
-from rig.drives.screw.requirements import Shares, Wishes
+from rig.drives.screw.requirements import Requirements, Utilisation
 from rig.drives.screw.shaft import BallScrew, Mounting
 from rig.drives.screw.transmission import Transmission
 
 
 @dataclass(frozen=True, kw_only=True)
 class AxisSpec:
-    """All that is known before a screw is chosen. Raises PlanError for a travel that leaves no screw for the nut."""
+    """Data of an axis that are known before a screw is chosen.
+
+    Raises PlanError for a number out of bounds, and for a travel that is not below the screw's
+    length.
+    """
 
     mounting: Mounting
     load: AxisLoad
     cycle: Cycle
     transmission: Transmission
     balls: Balls = field(default_factory=Balls)
-    shares: Shares = field(default_factory=Shares)
-    wishes: Wishes = field(default_factory=Wishes)
+    utilisation: Utilisation = field(default_factory=Utilisation)
+    requirements: Requirements = field(default_factory=Requirements)
     motor: Motor | None = None
-    bearing_n_m: float = math.inf
-    nut_n_m: float = math.inf
-    carried_kg: float = 0.0  # by the screw, where no guide does
+    bearing_n_m: float = math.inf  # axial stiffness of the bearing; inf is rigid
+    nut_n_m: float = math.inf  # axial stiffness of the nut; inf is rigid
+    carried_kg: float = 0.0  # mass that the screw carries itself, without a guide
 
     def __post_init__(self) -> None:
         for name in ("bearing_n_m", "nut_n_m"):
@@ -43,52 +47,54 @@ class AxisSpec:
         bounds.datum("carried_kg", self.carried_kg, zero=True)
         if self.cycle.travel_m >= self.mounting.length_m:
             raise PlanError(
-                f"travel = {self.cycle.travel_m:g} m on a screw of length_m = {self.mounting.length_m:g}; must be shorter, as "
-                "the nut has a length: lengthen the screw, or shorten the strokes"
+                f"travel = {self.cycle.travel_m:g} m on a screw of "
+                f"length_m = {self.mounting.length_m:g}; must be below the screw's length, which "
+                "also holds the nut: lengthen the screw, or shorten the strokes"
             )
 
     @cached_property
     def demand(self) -> Demand:
-        """What the cycle asks of the nut."""
+        """Speed, force and travel that the cycle requires of the nut."""
         return demand(self.cycle, self.load)
 
     @property
     def support_stiffness_n_m(self) -> float:
         """Stiffness of bearing and nut in series; inf where both are rigid."""
-        soft = 1.0 / self.bearing_n_m + 1.0 / self.nut_n_m
-        return 1.0 / soft if soft else math.inf
+        compliance_m_n = 1.0 / self.bearing_n_m + 1.0 / self.nut_n_m
+        return 1.0 / compliance_m_n if compliance_m_n else math.inf
 
     def balls_m_rpm(self, candidate: CatalogueEntry | None = None) -> float:
-        """d x n that may be used, of a candidate's own limit where it tells one."""
-        own = candidate.limit_m_rpm if candidate else None
-        return self.shares.balls * (self.balls.allowed_m_rpm if own is None else own)
+        """Compute the usable d x n of the balls, from the candidate's own limit if it has one."""
+        limit_m_rpm = candidate.limit_m_rpm if candidate else None
+        if limit_m_rpm is None:
+            limit_m_rpm = self.balls.allowed_m_rpm
+        return self.utilisation.balls * limit_m_rpm
 
     def stiffness_n_m(self, screw: BallScrew) -> float:
-        """k_eq of the chain with this axis's bearing and nut."""
+        """Compute k_eq of the chain with this axis's bearing and nut."""
         return screw.stiffness_n_m(self.support_stiffness_n_m)
 
     def preload_n(self, candidate: CatalogueEntry) -> float:
-        """Its own, else the usual share of its dynamic load; 0 where that is not told."""
+        """Compute the preload of a candidate.
+
+        Its own preload, else the set share of its dynamic load rating; 0 without such a rating.
+        """
         if candidate.preload_n is not None:
             return candidate.preload_n
-        return self.shares.preload * (candidate.dynamic_load_n or 0.0)
+        return self.utilisation.preload * (candidate.dynamic_load_n or 0.0)
 
     def equivalent_load_n(self, candidate: CatalogueEntry) -> float:
-        """Of the cycle, with its preload."""
+        """Compute the equivalent load of the cycle on the balls, with the candidate's preload."""
         preload_n = self.preload_n(candidate)
-        return (
-            equivalent_load_n(self.cycle, self.load, preload_n)
-            if preload_n
-            else self.demand.equivalent_force_n
-        )
+        if preload_n:
+            return equivalent_load_n(self.cycle, self.load, preload_n)
+        return self.demand.equivalent_force_n
 
-    def drive(self, candidate: CatalogueEntry) -> Transmission:
-        """The transmission with the drag of the candidate's preload, unless a drag is given."""
+    def transmission_for(self, candidate: CatalogueEntry) -> Transmission:
+        """Return the transmission with the candidate's preload drag, unless a drag is given."""
         if self.transmission.drag_torque_n_m is not None:
             return self.transmission
-        return replace(
-            self.transmission,
-            drag_torque_n_m=drag_torque_n_m(
-                self.preload_n(candidate), candidate.lead_m, candidate.diameter_m
-            ),
+        drag_n_m = drag_torque_n_m(
+            self.preload_n(candidate), candidate.lead_m, candidate.diameter_m
         )
+        return replace(self.transmission, drag_torque_n_m=drag_n_m)

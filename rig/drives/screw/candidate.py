@@ -1,4 +1,4 @@
-"""A screw, or a unit around one, as a catalogue has it."""
+"""Catalogue entries: screws, and linear units with a screw."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from rig.drives.screw.shaft import BallScrew, Mounting, Thread
 
 @dataclass(frozen=True, kw_only=True)
 class CatalogueEntry(Thread):
-    """None is not told, and what hangs on it cannot be decided.
+    """Screw or linear unit of a catalogue; a check whose datum is None cannot be decided.
 
     Raises PlanError for an empty name, a number out of bounds and an unknown lead class.
     """
 
     name: str
-    origin: str
+    origin: str  # source of the figures
     dynamic_load_n: float | None = None
     static_load_n: float | None = None
-    preload_n: float | None = None  # of its nut; 0 has none
+    preload_n: float | None = None  # of its nut; 0 is no preload
     speed_m_s: float | None = None  # the unit's own limit
     stroke_m: float | None = None
-    limit_m_rpm: float | None = None  # of its balls, d x n
+    limit_m_rpm: float | None = None  # d x n of its balls
     lead_class: str | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if not self.name.strip():
             raise PlanError(
-                f"name = {self.name!r}; must not be empty: say what the choice is to call it"
+                f"name = {self.name!r}; must not be empty: give the entry a name for `choice`"
             )
         for name in (
             "dynamic_load_n",
@@ -48,7 +48,7 @@ class CatalogueEntry(Thread):
             lead_class(self.lead_class)
 
     def screw(self, mounting: Mounting) -> BallScrew:
-        """As a shaft."""
+        """Build the shaft of the entry in a mounting."""
         return BallScrew(
             diameter_m=self.diameter_m,
             lead_m=self.lead_m,

@@ -1,4 +1,4 @@
-"""What a cycle asks of a screw's nut and of the motor that turns it (source 004, figs. C.9 and C.10)."""
+"""Demand of a cycle on a screw's nut and on its motor (source 004, figs. C.9 and C.10)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,11 @@ from rig.drives.screw.transmission import Transmission
 
 
 class Demand(NamedTuple):
-    """Of the nut, whatever the screw: peaks are exact; means and root mean squares are over the whole cycle with its rests."""
+    """Demand on the nut, independent of the screw.
+
+    Peaks are exact absolute values. Means and root mean squares are over the whole cycle with its
+    rests.
+    """
 
     peak_speed_m_s: float
     mean_speed_m_s: float
@@ -27,39 +31,43 @@ class Demand(NamedTuple):
     rms_acceleration_m_s2: float
     rms_inertia_force_n: float
     rms_friction_n: float
-    peak_force_n: float  # its size, push or pull
+    peak_force_n: float  # push or pull
     rms_force_n: float
     equivalent_force_n: float  # without a preload
     travel_m: float
 
 
 class ShaftDemand(NamedTuple):
-    """Of the motor; rms and means over the whole cycle with its rests, powers at the shaft as sizes."""
+    """Demand on the motor's shaft; absolute values.
 
-    peak_torque_n_m: float  # its size
+    Means and root mean squares are over the whole cycle with its rests.
+    """
+
+    peak_torque_n_m: float
     rms_torque_n_m: float
     peak_speed_rad_s: float
-    driving_power_w: float  # the largest
-    braking_power_w: float  # likewise, where the load drives
+    driving_power_w: float  # largest power from the motor
+    braking_power_w: float  # largest power to the motor, where the load drives
     mean_driving_power_w: float
-    mean_braking_power_w: float  # what comes back
+    mean_braking_power_w: float
 
     @property
     def peak_power_w(self) -> float:
-        """The larger of the two."""
+        """Larger one of driving and braking power."""
         return max(self.driving_power_w, self.braking_power_w)
 
 
 class Powers(NamedTuple):
-    """The largest within a phase, as sizes; 0 where there is none."""
+    """Largest powers within a phase, absolute values; 0 where there is none."""
 
     driving_w: float
     braking_w: float
 
 
 def demand(cycle: Cycle, load: AxisLoad) -> Demand:
-    """What the cycle asks of the nut."""
-    at, force = cycle.instants, load.force_at(cycle.instants)
+    """Compute the demand of a cycle on the nut."""
+    at = cycle.instants
+    force = load.force_at(at)
     acceleration = at.acceleration_m_s2
     return Demand(
         peak_speed_m_s=cycle.peak_speed_m_s,
@@ -77,7 +85,10 @@ def demand(cycle: Cycle, load: AxisLoad) -> Demand:
 
 
 def equivalent_load_n(cycle: Cycle, load: AxisLoad, preload_n: float) -> float:
-    """The constant load on the balls that wears a preloaded nut as much (C.0.4, with the preload in it at every instant)."""
+    """Compute the constant load on the balls of the same fatigue damage.
+
+    It is C.0.4 with the preload included at every instant.
+    """
     at = cycle.instants
     return equivalent_force_n(
         ball_load_n(load.force_at(at), preload_n), at.weight_s * np.abs(at.speed_m_s)
@@ -87,7 +98,7 @@ def equivalent_load_n(cycle: Cycle, load: AxisLoad, preload_n: float) -> float:
 def shaft_demand(
     cycle: Cycle, load: AxisLoad, transmission: Transmission, screw: BallScrew
 ) -> ShaftDemand:
-    """What the cycle asks of the motor."""
+    """Compute the demand of a cycle on the motor's shaft."""
     at = cycle.instants
     torque = transmission.torque_at(screw, load, at)
     power = torque * at.speed_m_s / screw.ratio_m_rad
@@ -108,12 +119,15 @@ def shaft_demand(
 def powers(
     phase: CyclePhase, load: AxisLoad, transmission: Transmission, screw: BallScrew
 ) -> Powers:
-    """The largest power that the motor gives and that it takes within a phase."""
+    """Compute the largest driving and the largest braking power of a phase."""
 
-    def power(at: Instants) -> FloatArray:
+    def driving_w(at: Instants) -> FloatArray:
         return transmission.torque_at(screw, load, at) * at.speed_m_s / screw.ratio_m_rad
 
-    return Powers(max(0.0, phase.greatest(power)), max(0.0, phase.greatest(lambda at: -power(at))))
+    def braking_w(at: Instants) -> FloatArray:
+        return -driving_w(at)
+
+    return Powers(max(0.0, phase.maximum(driving_w)), max(0.0, phase.maximum(braking_w)))
 
 
 def _mean(at: Instants, values: FloatArray) -> float:

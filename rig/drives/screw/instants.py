@@ -1,4 +1,4 @@
-"""A move as a quadrature: instants with weights, phase by phase, and the largest value of a quantity within a phase."""
+"""Phases of a move as a quadrature: instants with weights, and maxima within a phase."""
 
 from __future__ import annotations
 
@@ -11,52 +11,57 @@ import numpy as np
 from planners.trajectories.cells import resolve
 from planners.trajectories.pieces import FloatArray, Piece
 
-# Nodes of each phase: exact for constant acceleration. Else a loss bends the torque where the force changes sign, and means are
-# right to 1e-6 of cubed forces, 1e-5 of squared torques, 1e-3 of powers that drive or brake.
+# Nodes of each phase, exact for constant acceleration. Otherwise losses bend the torque where the
+# force changes its sign: means are then right to 1e-6 (cubed forces), 1e-5 (squared torques) and
+# 1e-3 (driving and braking powers).
 GAUSS_NODES = 128
-ROUNDS, POINTS = (
-    6,
-    17,
-)  # each round looks eight times closer; six leave 3e-14 of the largest power, with losses
+REFINEMENT_ROUNDS = 6  # they leave 3e-14 of the largest power, with losses
+REFINEMENT_POINTS = 17  # each round narrows the interval to an eighth
 
 
 class Instants(NamedTuple):
-    """Extremes of speed and acceleration are among the instants, with no weight: (N,) each."""
+    """State of an axis at the nodes of a quadrature, (N,) each.
 
-    weight_s: FloatArray  # sums to the duration
-    direction: FloatArray  # of the move: 1, -1, and 0 in a rest
+    Extremes of speed and acceleration are among the instants, with weight 0.
+    """
+
+    weight_s: FloatArray  # their sum is the duration
+    direction: FloatArray  # of the move: 1 or -1; 0 in a rest
     speed_m_s: FloatArray
     acceleration_m_s2: FloatArray
 
 
 class CyclePhase(NamedTuple):
-    """One row of a motion-law table: a piece of a move's law, or the rest after it."""
+    """Row of a motion-law table: a piece of a move's law, or the rest after it."""
 
     number: int  # from 1; 0 is the rest
     duration_s: float
     instants: Instants  # in the order of time
-    t_s: FloatArray  # (N,) of the instants, from 0
-    piece: Piece | None = None  # of a move's position, where its acceleration is not constant
+    t_s: FloatArray  # (N,) times of the instants, from 0
+    piece: Piece | None = None  # of the position; None at constant acceleration
 
-    def greatest(self, quantity: Callable[[Instants], FloatArray]) -> float:
-        """Largest value over the phase, refined around the largest of the instants; that one itself at constant acceleration,
-        where the quantity is to change in proportion to the time."""
-        t, values, piece = self.t_s, quantity(self.instants), self.piece
+    def maximum(self, quantity: Callable[[Instants], FloatArray]) -> float:
+        """Compute the largest value of a quantity over the phase.
+
+        It is refined around the largest instant. At constant acceleration the largest instant is
+        taken itself: the quantity must then be linear in time.
+        """
+        t = self.t_s
+        values = quantity(self.instants)
         best = float(values.max())
-        if piece is None:
+        if self.piece is None:
             return best
-        for _ in range(ROUNDS):
+        direction = float(self.instants.direction[0])
+        for _ in range(REFINEMENT_ROUNDS):
             k = int(values.argmax())
-            t = np.linspace(t[max(k - 1, 0)], t[min(k + 1, t.size - 1)], POINTS)
-            values = quantity(
-                _instants(piece, t, np.zeros_like(t), float(self.instants.direction[0]))
-            )
+            t = np.linspace(t[max(k - 1, 0)], t[min(k + 1, t.size - 1)], REFINEMENT_POINTS)
+            values = quantity(_instants(self.piece, t, np.zeros_like(t), direction))
             best = max(best, float(values.max()))
         return best
 
 
-def moving(number: int, piece: Piece, direction: float) -> CyclePhase:
-    """A piece of a move's position."""
+def moving_phase(number: int, piece: Piece, direction: float) -> CyclePhase:
+    """Build the phase of a piece of a move's position."""
     x, w = _quadrature()
     edges = np.unique(np.concatenate([resolve(piece, order).candidates_s() for order in (1, 2)]))
     t = np.concatenate([piece.duration_s * (1.0 + x) / 2.0, edges])
@@ -67,8 +72,8 @@ def moving(number: int, piece: Piece, direction: float) -> CyclePhase:
     return CyclePhase(number, piece.duration_s, instants, t[rank], piece if varies else None)
 
 
-def resting(duration_s: float) -> CyclePhase:
-    """The rest after a move."""
+def rest_phase(duration_s: float) -> CyclePhase:
+    """Build the phase of the rest after a move."""
     still = np.zeros(1)
     return CyclePhase(0, duration_s, Instants(np.full(1, duration_s), still, still, still), still)
 
@@ -79,5 +84,6 @@ def _instants(piece: Piece, t: FloatArray, weight_s: FloatArray, direction: floa
 
 @lru_cache(maxsize=1)
 def _quadrature() -> tuple[FloatArray, FloatArray]:
+    """Nodes and weights of the Gauss-Legendre rule on [-1, 1], (GAUSS_NODES,) each."""
     x, w = np.polynomial.legendre.leggauss(GAUSS_NODES)
     return x, w

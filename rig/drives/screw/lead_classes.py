@@ -1,4 +1,4 @@
-"""How accurate the lead of a screw is, by its ISO class (source 004, fig. C.8; ISO 3408-3)."""
+"""ISO classes of lead accuracy (source 004, fig. C.8; ISO 3408-3)."""
 
 from __future__ import annotations
 
@@ -8,12 +8,11 @@ from planners.errors import PlanError
 
 
 class LeadClass(NamedTuple):
-    """Deviations allowed at 20 degrees C."""
+    """Deviations of the lead that a class allows at 20 degrees C."""
 
     per_300_mm_m: float  # V_300p: band of the deviation over any 300 mm
-    travel: tuple[
-        tuple[float, float], ...
-    ] = ()  # useful travel up to [m] and the deviation e_p over it [m]
+    # rows of the table: greatest useful travel [m], and deviation e_p over it [m]
+    travel: tuple[tuple[float, float], ...] = ()
 
 
 LEAD_CLASSES = {
@@ -27,16 +26,21 @@ TABULATED = tuple(name for name, row in LEAD_CLASSES.items() if row.travel)
 
 
 def lead_class(name: str) -> LeadClass:
-    """The class of that name. Raises PlanError for another."""
+    """Return the class of that name. Raises PlanError for an unknown one."""
     if name not in LEAD_CLASSES:
         raise PlanError(
-            f"lead_class = {name!r}; must be one of {', '.join(LEAD_CLASSES)}, from fine to coarse: take the finer one"
+            f"lead_class = {name!r}; must be one of {', '.join(LEAD_CLASSES)}, from fine to "
+            "coarse: take the next finer one"
         )
     return LEAD_CLASSES[name]
 
 
 def travel_deviation_m(name: str, travel_m: float) -> float | None:
-    """e_p of a class over a useful travel; None where the table has no row. Raises PlanError for an unknown class."""
-    return next(
-        (deviation for up_to, deviation in lead_class(name).travel if travel_m <= up_to), None
-    )
+    """Look up the deviation e_p of a class over a useful travel.
+
+    None where the table has no row. Raises PlanError for an unknown class.
+    """
+    for greatest_travel_m, deviation_m in lead_class(name).travel:
+        if travel_m <= greatest_travel_m:
+            return deviation_m
+    return None

@@ -1,4 +1,7 @@
-"""What a nut's preload costs: load on the balls, and drag (makers' rules for double nuts, general knowledge)."""
+"""Effects of a nut's preload: load on the balls, and drag.
+
+The rules are those of makers for double nuts (general knowledge).
+"""
 
 from __future__ import annotations
 
@@ -8,23 +11,28 @@ import numpy as np
 
 from planners.trajectories.pieces import FloatArray
 
-LIFT = 2.0**1.5  # times the preload: the force that unloads one half of the nut
-DRAG = 0.05  # of the preload's force times travel of a radian, at a lead angle of 45 degrees
-PRELOAD_SHARES = (0.05, 0.1)  # of the dynamic load, usual (source 004, C.0.1)
+LIFT_OFF_FACTOR = 2.0**1.5  # force that unloads one half of the nut, over the preload
+DRAG_FACTOR = 0.05  # drag torque over preload x travel of a radian, at a lead angle of 45 degrees
+PRELOAD_SHARES = (0.05, 0.1)  # usual preload over dynamic load rating (source 004, C.0.1)
 
 
 def ball_load_n(force_n: FloatArray, preload_n: float) -> FloatArray:
-    """Force on the loaded half of a preloaded nut, (N,) as force_n: F_pr (1 + F / (2^1.5 F_pr))^1.5, and F beyond 2^1.5 F_pr.
+    """Compute the force on the loaded half of a preloaded nut, (N,) as force_n.
 
-    The sign of force_n does not count; without a preload it is its size.
+    F_pr (1 + F / (2^1.5 F_pr))^1.5 up to F = 2^1.5 F_pr, and F beyond; F = |force_n|, also without
+    a preload.
     """
     size = np.abs(force_n)
     if preload_n == 0.0:
         return size
-    shared = preload_n * (1.0 + np.minimum(size / (LIFT * preload_n), 1.0)) ** 1.5
+    shared = preload_n * (1.0 + np.minimum(size / (LIFT_OFF_FACTOR * preload_n), 1.0)) ** 1.5
     return np.maximum(shared, size)
 
 
 def drag_torque_n_m(preload_n: float, lead_m: float, diameter_m: float) -> float:
-    """0.05 / sqrt(tan beta) F_pr p / 2 pi, with the lead angle beta: tan beta = p / (pi d)."""
-    return DRAG / math.sqrt(lead_m / (math.pi * diameter_m)) * preload_n * lead_m / (2.0 * math.pi)
+    """Compute the drag torque 0.05 / sqrt(tan beta) F_pr p / 2 pi of a preloaded nut.
+
+    beta is the lead angle: tan beta = p / (pi d).
+    """
+    tan_lead_angle = lead_m / (math.pi * diameter_m)
+    return DRAG_FACTOR / math.sqrt(tan_lead_angle) * preload_n * lead_m / (2.0 * math.pi)

@@ -1,4 +1,7 @@
-"""The admissible region of diameters and leads: one line for each limit that an axis sets (source 004, figs. C.5 and C.11)."""
+"""Admissible region of diameters and leads: a limit curve for each limit of an axis.
+
+See source 004, figs. C.5 and C.11.
+"""
 
 from __future__ import annotations
 
@@ -24,18 +27,17 @@ from rig.drives.screw.shaft import BallScrew
 
 
 class LimitCurve(NamedTuple):
-    """A limit over diameters: leads below a least one, or above a greatest one, are not admissible."""
+    """Least or greatest admissible lead over the diameter."""
 
     name: str
     lead_m: FloatArray  # (N,)
     greatest: bool = False
-    diameter_m: float | None = (
-        None  # of an upright line, thinner screws are not admissible: lead_m is inf there, else 0
-    )
+    # of a vertical line: smaller diameters are not admissible, lead_m is inf there, else 0
+    diameter_m: float | None = None
 
 
 class Region(NamedTuple):
-    """All lines, and the leads between them; a region that is empty at a diameter has low_m > high_m there."""
+    """Limit curves, and the admissible leads; none at a diameter where low_m > high_m."""
 
     diameter_m: FloatArray  # (N,)
     lines: tuple[LimitCurve, ...]
@@ -44,19 +46,18 @@ class Region(NamedTuple):
 
 
 def region(axis: AxisSpec, diameter_m: FloatArray, nut: CatalogueEntry | None = None) -> Region:
-    """Lines over diameters > 0, (N,), of the core and of the balls' circle, too.
+    """Compute the limit curves over diameters > 0, (N,), for shafts of one diameter.
 
-    Balls and life are those of the nut where one is given, and life needs its dynamic load; wishes have lines where asked.
-
-    Limits of the motor and of a unit are no part of it.
+    Balls and life are those of the nut where one is given; life needs its dynamic load rating. A
+    requirement has a curve only where it is specified. Limits of motor and unit have none.
     """
     shafts = [
         BallScrew(diameter_m=d, lead_m=1.0, mounting=axis.mounting) for d in diameter_m.tolist()
     ]
     lines = (
-        *_speed(axis, shafts, nut),
-        *_strength(axis, diameter_m, nut),
-        *_work(axis, shafts, diameter_m),
+        *_speed_curves(axis, shafts, nut),
+        *_strength_curves(axis, diameter_m, nut),
+        *_requirement_curves(axis, shafts, diameter_m),
     )
     low = np.max([line.lead_m for line in lines if not line.greatest], axis=0)
     high = np.min(
@@ -66,67 +67,70 @@ def region(axis: AxisSpec, diameter_m: FloatArray, nut: CatalogueEntry | None = 
     return Region(diameter_m, lines, low, high)
 
 
-def _speed(axis: AxisSpec, shafts: list[BallScrew], nut: CatalogueEntry | None) -> list[LimitCurve]:
-    speed, balls = axis.demand.peak_speed_m_s, axis.balls_m_rpm(nut)
+def _speed_curves(
+    axis: AxisSpec, shafts: list[BallScrew], nut: CatalogueEntry | None
+) -> list[LimitCurve]:
+    speed, share = axis.demand.peak_speed_m_s, axis.utilisation.whirl
+    balls = axis.balls_m_rpm(nut)
+    by_whirl = [least_lead_by_whirl_m(shaft, speed, share) for shaft in shafts]
+    by_balls = [least_lead_by_balls_m(shaft.diameter_m, speed, balls) for shaft in shafts]
     return [
-        LimitCurve(
-            "whirling",
-            np.array([least_lead_by_whirl_m(shaft, speed, axis.shares.whirl) for shaft in shafts]),
-        ),
-        LimitCurve(
-            "balls",
-            np.array([least_lead_by_balls_m(shaft.diameter_m, speed, balls) for shaft in shafts]),
-        ),
+        LimitCurve("whirling", np.array(by_whirl)),
+        LimitCurve("balls", np.array(by_balls)),
     ]
 
 
-def _strength(
+def _strength_curves(
     axis: AxisSpec, diameter_m: FloatArray, nut: CatalogueEntry | None
 ) -> list[LimitCurve]:
-    need, shares, hours = axis.demand, axis.shares, axis.wishes.life_h
-    lines = [
-        _upright(
-            "buckling",
-            diameter_m,
-            least_diameter_by_buckling_m(axis.mounting, need.peak_force_n, shares.buckling),
-        )
-    ]
+    need, utilisation, hours = axis.demand, axis.utilisation, axis.requirements.life_h
+    least_m = least_diameter_by_buckling_m(axis.mounting, need.peak_force_n, utilisation.buckling)
+    lines = [_vertical("buckling", diameter_m, least_m)]
     if hours is not None and nut is not None and nut.dynamic_load_n is not None:
         force = axis.equivalent_load_n(nut)
         least = least_lead_by_life_m(
-            hours, nut.dynamic_load_n, force, need.mean_speed_m_s, shares.service_factor
+            hours, nut.dynamic_load_n, force, need.mean_speed_m_s, utilisation.service_factor
         )
         lines.append(LimitCurve("life", np.full_like(diameter_m, least)))
     return lines
 
 
-def _work(axis: AxisSpec, shafts: list[BallScrew], diameter_m: FloatArray) -> list[LimitCurve]:
-    wishes, mass = axis.wishes, axis.load.mass_kg
+def _requirement_curves(
+    axis: AxisSpec, shafts: list[BallScrew], diameter_m: FloatArray
+) -> list[LimitCurve]:
+    required = axis.requirements
     lines = []
-    if wishes.sag_m is not None:
-        thin = least_diameter_by_sag_m(
-            axis.mounting, wishes.sag_m, axis.load.slope_rad, axis.carried_kg
+    if required.sag_m is not None:
+        least_m = least_diameter_by_sag_m(
+            axis.mounting, required.sag_m, axis.load.slope_rad, axis.carried_kg
         )
-        lines.append(_upright("sag", diameter_m, thin))
-    if wishes.position_error_m is not None and wishes.angle_error_rad is not None:
-        most = greatest_lead_by_accuracy_m(wishes.position_error_m, wishes.angle_error_rad)
-        lines.append(LimitCurve("accuracy", np.full_like(diameter_m, most), greatest=True))
-    stiff: dict[str, list[float]] = {}
-    if wishes.stiffness_n_m is not None:
-        stiff["stiffness"] = [wishes.stiffness_n_m] * len(shafts)
-    if wishes.bandwidth_rad_s is not None:
-        stiff["bandwidth"] = [
-            stiffness_for_bandwidth_n_m(shaft, mass, wishes.bandwidth_rad_s, axis.shares.bandwidth)
+        lines.append(_vertical("sag", diameter_m, least_m))
+    if required.position_error_m is not None and required.angle_error_rad is not None:
+        lead_m = greatest_lead_by_accuracy_m(required.position_error_m, required.angle_error_rad)
+        lines.append(LimitCurve("accuracy", np.full_like(diameter_m, lead_m), greatest=True))
+    if required.stiffness_n_m is not None:
+        stiffness = [required.stiffness_n_m] * len(shafts)
+        lines.append(_stiffness_curve("stiffness", axis, shafts, stiffness))
+    if required.bandwidth_rad_s is not None:
+        mass, share = axis.load.mass_kg, axis.utilisation.bandwidth
+        stiffness = [
+            stiffness_for_bandwidth_n_m(shaft, mass, required.bandwidth_rad_s, share)
             for shaft in shafts
         ]
-    for name, needed in stiff.items():
-        leads = [
-            greatest_lead_by_stiffness_m(shaft, k, axis.support_stiffness_n_m)
-            for shaft, k in zip(shafts, needed, strict=True)
-        ]
-        lines.append(LimitCurve(name, np.array(leads), greatest=True))
+        lines.append(_stiffness_curve("bandwidth", axis, shafts, stiffness))
     return lines
 
 
-def _upright(name: str, diameter_m: FloatArray, least_m: float) -> LimitCurve:
+def _stiffness_curve(
+    name: str, axis: AxisSpec, shafts: list[BallScrew], stiffness_n_m: list[float]
+) -> LimitCurve:
+    """Compute the greatest leads of shafts that have to reach a stiffness each."""
+    leads = [
+        greatest_lead_by_stiffness_m(shaft, k, axis.support_stiffness_n_m)
+        for shaft, k in zip(shafts, stiffness_n_m, strict=True)
+    ]
+    return LimitCurve(name, np.array(leads), greatest=True)
+
+
+def _vertical(name: str, diameter_m: FloatArray, least_m: float) -> LimitCurve:
     return LimitCurve(name, np.where(diameter_m < least_m, math.inf, 0.0), diameter_m=least_m)

@@ -1,4 +1,4 @@
-"""What a sizing asks for: how much of each limit may be used, and what is to be reached."""
+"""Utilisation of the limits, and requirements of an axis."""
 
 from __future__ import annotations
 
@@ -10,19 +10,21 @@ from rig.drives.screw.lead_classes import lead_class
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shares:
-    """How much of each limit may be used, and how rough the work is. Raises PlanError out of bounds."""
+class Utilisation:
+    """Share of each limit that a design may use, and the service factor on forces.
+
+    Raises PlanError for a number out of bounds.
+    """
 
     whirl: float = 0.7  # of the first bending frequency; source 004: 0.65 to 0.85
     buckling: float = 0.5  # of Euler's load; source 004: 0.5 to 0.7
     balls: float = 1.0  # of d x n
     bandwidth: float = 0.5  # of the antiresonance; source 004: 0.5 to 0.7
-    service_factor: float = (
-        1.2  # on forces: 1 to 1.2 regular, to 1.5 light shocks, to 3 frequent ones
-    )
-    preload: float = (
-        0.0  # of the dynamic load, of nuts that do not tell their own; source 004: 0.05 to 0.1
-    )
+    # on forces: 1 to 1.2 for regular motion, to 1.5 for light shocks, to 3 for frequent ones
+    service_factor: float = 1.2
+    # preload over dynamic load rating, of nuts without a preload of their own; source 004: 0.05 to
+    # 0.1
+    preload: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("whirl", "buckling", "balls", "bandwidth"):
@@ -45,19 +47,23 @@ class Shares:
             self.preload,
             0.0,
             0.5,
-            "it is a share of the dynamic load, 0.05 to 0.1 as a rule",
+            "it is a share of the dynamic load rating, usually 0.05 to 0.1",
         )
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wishes:
-    """What the axis is to reach; None is not asked. Raises PlanError out of bounds."""
+class Requirements:
+    """Bounds that the axis must meet; None sets no bound.
+
+    Raises PlanError for a number out of bounds, an unknown lead class, and one of the two errors
+    of accuracy without the other.
+    """
 
     life_h: float | None = None
-    lead_class: str | None = None  # or better
+    lead_class: str | None = None  # coarsest class allowed
     travel_deviation_m: float | None = None  # over the useful travel
-    position_error_m: float | None = None  # from an error of the motor's angle
-    angle_error_rad: float | None = None
+    position_error_m: float | None = None  # caused by angle_error_rad
+    angle_error_rad: float | None = None  # of the motor
     sag_m: float | None = None
     stiffness_n_m: float | None = None
     bandwidth_rad_s: float | None = None
@@ -72,10 +78,11 @@ class Wishes:
                     value,
                     1.0 / bounds.DATUM,
                     bounds.DATUM,
-                    "leave it out where nothing is asked",
+                    "leave it out where nothing is required",
                 )
         if (self.position_error_m is None) != (self.angle_error_rad is None):
             raise PlanError(
-                f"position_error_m = {self.position_error_m} with angle_error_rad = {self.angle_error_rad}; must be both or "
-                "none: the greatest lead is 2 pi times their ratio"
+                f"position_error_m = {self.position_error_m} with "
+                f"angle_error_rad = {self.angle_error_rad}; must be given together: add the other "
+                "one, as the greatest lead is 2 pi times their ratio"
             )

@@ -1,4 +1,4 @@
-"""What turns with a screw, and what is lost between the motor and the nut (source 004, fig. C.10)."""
+"""Rotating inertias and losses between the motor and the nut (source 004, fig. C.10)."""
 
 from __future__ import annotations
 
@@ -18,15 +18,18 @@ MOTOR, BRAKE = "motor", "brake"
 
 @dataclass(frozen=True, kw_only=True)
 class Transmission:
-    """What turns besides the screw, and what is lost. Raises PlanError for an efficiency that is not above 0 and <= 1."""
+    """Inertias of motor and coupling, efficiency and drag.
+
+    Raises PlanError for an efficiency that is not 0.001 to 1, a negative inertia or drag, and an
+    unknown hold.
+    """
 
     efficiency: float = 0.9
     motor_inertia_kg_m2: float = 0.0
     coupling_inertia_kg_m2: float = 0.0
-    drag_torque_n_m: float | None = (
-        None  # of preload and seals, against the motion; None follows from the nut's preload
-    )
-    hold: str = MOTOR  # in the rests; a brake spares the motor
+    # of preload and seals, against the motion; None: computed from the nut's preload
+    drag_torque_n_m: float | None = None
+    hold: str = MOTOR  # holds the load in the rests; with a brake the motor has no torque then
 
     def __post_init__(self) -> None:
         check_range("efficiency", self.efficiency, 1e-3, 1.0, "a ball screw has 0.9 to 0.97")
@@ -38,13 +41,14 @@ class Transmission:
             raise unknown_name("hold", self.hold, (MOTOR, BRAKE))
 
     def inertia_kg_m2(self, screw: BallScrew) -> float:
-        """All that turns."""
+        """Compute the inertia of motor, coupling and screw."""
         return self.motor_inertia_kg_m2 + self.coupling_inertia_kg_m2 + screw.inertia_kg_m2
 
     def torque_at(self, screw: BallScrew, load: AxisLoad, instants: Instants) -> FloatArray:
-        """At the motor's shaft [N m] (N,): F tau / efficiency + J a / tau, F tau x efficiency where the load drives.
+        """Compute the torque at the motor's shaft [N m] (N,).
 
-        Where the motor holds in a rest, the loss counts against it as if it drove: the source's way, and the safe one.
+        F tau / efficiency + J a / tau + drag; F tau x efficiency where the load drives. Where the
+        motor holds in a rest, the loss counts as if it drove: as in the source, on the safe side.
         """
         tau, force = screw.ratio_m_rad, load.force_at(instants)
         passed = np.where(force * instants.direction < 0.0, self.efficiency, 1.0 / self.efficiency)
@@ -55,8 +59,7 @@ class Transmission:
         return np.asarray(force * tau * passed + turning, dtype=np.float64)
 
     def steady_torque_n_m(self, screw: BallScrew, load: AxisLoad, direction: float) -> float:
-        """Size of the torque at even speed in a direction, 1 or -1, and in a rest, 0."""
+        """Compute the absolute torque at constant speed (direction 1 or -1) or in a rest (0)."""
         still = np.zeros(1)
-        return float(
-            np.abs(self.torque_at(screw, load, Instants(still, still + direction, still, still)))[0]
-        )
+        instant = Instants(still, still + direction, still, still)
+        return float(np.abs(self.torque_at(screw, load, instant))[0])

@@ -1,10 +1,10 @@
-"""What a check says of a screw, and what all of them say of a candidate."""
+"""Result of a limit check, and assessment of a catalogue entry by all of them."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-from rig.drives.motor import TOLERANCE
+from rig.drives.motor import LIMIT_EXCESS_REL
 from rig.drives.screw import digits
 from rig.drives.screw.candidate import CatalogueEntry
 from rig.drives.screw.demand import ShaftDemand
@@ -14,52 +14,58 @@ KEPT, BROKEN, UNDECIDED, NOT_ASKED = "kept", "broken", "not decidable", "not ask
 
 
 class LimitCheck(NamedTuple):
-    """One limit. value <= bound, or >= with at_least; a bound of None is not asked, unless `missing` says what lacks.
+    """Value and bound of one limit: value <= bound, or value >= bound with at_least.
 
-    Values and bounds are above 0; a value may be 0 where it has an upper bound.
+    Without a bound nothing is required, unless `missing` names absent catalogue data. Values and
+    bounds are above 0; a value with an upper bound may be 0.
     """
 
     name: str
     value: float | None
     bound: float | None
     unit: str
-    remedy: str = ""  # the next step where it is broken
+    remedy: str = ""  # next step if the limit is broken
     at_least: bool = False
     missing: str = ""
-    note: str = ""  # what is told beside it, whatever the state
-    classes: bool = (
-        False  # values are of a few classes, of which the one that is asked has nothing left
-    )
+    note: str = ""  # remark, in any state
+    discrete: bool = False  # a value of a few classes: one that equals its bound is not tight
 
     @property
     def margin(self) -> float | None:
-        """How far the value is on the safe side of the bound, over the bound; below 0 it is broken, None is not decided."""
+        """Distance of the value from the bound over the bound, positive on the safe side.
+
+        None without a value or without a bound.
+        """
         if self.value is None or self.bound is None:
             return None
         return self.value / self.bound - 1.0 if self.at_least else 1.0 - self.value / self.bound
 
     @property
     def state(self) -> str:
-        """KEPT, BROKEN, UNDECIDED or NOT_ASKED."""
+        """State of the check: KEPT, BROKEN, UNDECIDED or NOT_ASKED."""
         if self.missing:
             return UNDECIDED
         if self.margin is None:
             return NOT_ASKED
-        return BROKEN if self.margin < -TOLERANCE else KEPT
+        return BROKEN if self.margin < -LIMIT_EXCESS_REL else KEPT
 
     @property
     def reason(self) -> str:
-        """Why it is broken or open, with value, bound and next step; empty when kept or not asked."""
+        """Value, bound and next step of a broken check, missing data of an undecided one.
+
+        Empty in the other states.
+        """
         if self.state == UNDECIDED:
             return f"{self.name}: {self.missing}"
         if self.state != BROKEN:
             return ""
         (value, bound), unit = digits.shown((self.value, self.bound), self.unit)
-        return f"{self.name} {value} {unit}; must be {'>=' if self.at_least else '<='} {bound} {unit}: {self.remedy}"
+        relation = ">=" if self.at_least else "<="
+        return f"{self.name} {value} {unit}; must be {relation} {bound} {unit}: {self.remedy}"
 
 
 class Assessment(NamedTuple):
-    """A candidate's checks."""
+    """Catalogue entry with its checks."""
 
     candidate: CatalogueEntry
     screw: BallScrew
@@ -68,37 +74,37 @@ class Assessment(NamedTuple):
 
     @property
     def admissible(self) -> bool:
-        """Whether no check is broken; some may be open."""
+        """True if no check is broken; some may be undecided."""
         return not self.broken
 
     @property
     def broken(self) -> list[LimitCheck]:
-        """The checks that fail."""
+        """Checks that fail."""
         return [check for check in self.checks if check.state == BROKEN]
 
     @property
     def undecided(self) -> list[LimitCheck]:
-        """The checks for which the catalogue says too little."""
+        """Checks for which the catalogue lacks data."""
         return [check for check in self.checks if check.state == UNDECIDED]
 
     @property
     def notes(self) -> list[str]:
-        """What is told and not judged."""
+        """Remarks of the checks."""
         return [check.note for check in self.checks if check.note]
 
     @property
     def tightest(self) -> LimitCheck:
-        """The decided check with the least margin; a class that does is no tight one."""
-        decided = [
-            c
-            for c in self.checks
-            if c.state in (KEPT, BROKEN) and not (c.classes and c.state == KEPT)
-        ]
-        return min(decided, key=lambda c: c.margin or 0.0)
+        """Decided check with the least margin; a discrete one counts only if it is broken."""
+        kept = [check for check in self.checks if check.state == KEPT and not check.discrete]
+        return min([*self.broken, *kept], key=lambda check: check.margin or 0.0)
 
     @property
     def rank(self) -> tuple[bool, bool, float]:
-        """Sorts what fits before what fits as far as is told and what does not, and of each the greatest least margin first."""
+        """Sort key, best first.
+
+        Admissible and decided entries, then admissible ones with undecided checks, then the others;
+        each group by decreasing least margin.
+        """
         return (
             not self.admissible,
             self.admissible and bool(self.undecided),

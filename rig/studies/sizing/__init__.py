@@ -1,4 +1,4 @@
-"""Sizing: a motor or a ball-screw axis from its file, judged, beside the published figures.
+"""Sizing of a motor or a ball-screw axis from its file, with the published figures beside.
 
 Imports all lower layers.
 """

@@ -1,4 +1,4 @@
-"""The spec of a sizing from a TOML file: an axis, its cycle and what it is to reach; and the catalogue of screws."""
+"""Sizing file (TOML): an axis, its cycle and its requirements; and the catalogue of screws."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from rig.drives.screw.balls import Balls
 from rig.drives.screw.candidate import CatalogueEntry
 from rig.drives.screw.cycle import Cycle, Move
 from rig.drives.screw.load import AxisLoad
-from rig.drives.screw.requirements import Shares, Wishes
+from rig.drives.screw.requirements import Requirements, Utilisation
 from rig.drives.screw.shaft import Mounting
 from rig.drives.screw.supports import SUPPORTS
 from rig.drives.screw.transmission import Transmission
 from rig.errors import ConfigError
-from rig.run.toml_file import Section, convert
+from rig.run.toml_file import Section, convert, rename_keys
 from rig.studies.sizing.motor_task import MotorSection
 
 T = TypeVar("T")
-EXAMPLES = (
-    "appendix",
-)  # the worked axis of source 004, appendix C; NAME_published.toml has what the source prints of it
+# worked axis of source 004, appendix C; the figures that it prints are in NAME_published.toml
+EXAMPLES = ("appendix",)
+RENAMED_TABLES = {"wishes": "requirements", "shares": "utilisation"}
 
 
 class AxisSection(Section, frozen=True, kw_only=True):
-    """`[axis]`: what is moved."""
+    """`[axis]`: moved mass, slope, friction and force."""
 
     mass_kg: float
     slope_deg: float = 0.0
@@ -44,7 +44,7 @@ class AxisSection(Section, frozen=True, kw_only=True):
 
 
 class ScrewSection(Section, frozen=True, kw_only=True):
-    """`[screw]`: all but diameter and lead."""
+    """`[screw]`: length, supports and material; no diameter and lead."""
 
     length_m: float
     support: str = "fixed-supported"
@@ -59,14 +59,14 @@ class ScrewSection(Section, frozen=True, kw_only=True):
 
 
 class BallsSection(Section, frozen=True, kw_only=True):
-    """`[balls]`: how fast they may go."""
+    """`[balls]`: material and speed limit."""
 
     material: str = "steel"
     limit_m_rpm: float | None = None
 
 
-class SharesSection(Section, frozen=True, kw_only=True):
-    """`[shares]`: how much of each limit may be used."""
+class UtilisationSection(Section, frozen=True, kw_only=True):
+    """`[utilisation]`: share of each limit that may be used, and the service factor."""
 
     whirl: float = 0.7
     buckling: float = 0.5
@@ -76,8 +76,8 @@ class SharesSection(Section, frozen=True, kw_only=True):
     preload: float = 0.0
 
 
-class WishesSection(Section, frozen=True, kw_only=True):
-    """`[wishes]`: what is to be reached; what is left out is told, not judged."""
+class RequirementsSection(Section, frozen=True, kw_only=True):
+    """`[requirements]`: bounds to meet; unspecified ones are reported without a bound."""
 
     life_h: float | None = None
     lead_class: str | None = None
@@ -90,7 +90,7 @@ class WishesSection(Section, frozen=True, kw_only=True):
 
 
 class TransmissionSection(Section, frozen=True, kw_only=True):
-    """`[transmission]`: what turns besides the screw, and what is lost."""
+    """`[transmission]`: inertias of motor and coupling, efficiency and drag."""
 
     efficiency: float = 0.9
     motor_inertia_kg_m2: float = 0.0
@@ -100,7 +100,7 @@ class TransmissionSection(Section, frozen=True, kw_only=True):
 
 
 class CycleMoveSection(Section, frozen=True, kw_only=True):
-    """`[[move]]`: from rest to rest, in the order of time."""
+    """`[[move]]`: move from rest to rest; the moves are in the order of time."""
 
     stroke_m: float
     time_s: float
@@ -112,7 +112,7 @@ class CycleMoveSection(Section, frozen=True, kw_only=True):
 
 
 class EntrySection(Section, frozen=True, kw_only=True):
-    """`[[catalogue]]`: a screw or a unit with the origin of its figures."""
+    """`[[catalogue]]`: screw or linear unit with the origin of its figures."""
 
     name: str
     diameter_m: float
@@ -130,20 +130,20 @@ class EntrySection(Section, frozen=True, kw_only=True):
 
 
 class PublishedFigure(Section, frozen=True, kw_only=True):
-    """`[published]` name = { printed, reason }: digits as they stand in a source, and why the right ones may differ."""
+    """`[published]` name = { printed, reason }: a printed figure, and why the right one differs."""
 
     printed: str
     reason: str = ""
 
 
 class SizingFile(Section, frozen=True, kw_only=True):
-    """A whole file; tables in lists and in optional sections are checked one by one."""
+    """Whole sizing file; tables in lists and in optional sections are converted one by one."""
 
     axis: AxisSection
     screw: ScrewSection
     balls: BallsSection = BallsSection()
-    shares: SharesSection = SharesSection()
-    wishes: WishesSection = WishesSection()
+    utilisation: UtilisationSection = UtilisationSection()
+    requirements: RequirementsSection = RequirementsSection()
     transmission: TransmissionSection = TransmissionSection()
     motor: dict[str, Any] | None = None
     move: list[dict[str, Any]]
@@ -153,7 +153,7 @@ class SizingFile(Section, frozen=True, kw_only=True):
 
 
 class Sizing(NamedTuple):
-    """What a spec comes to."""
+    """Axis, catalogue, choice and published figures of a sizing file."""
 
     axis: AxisSpec
     catalogue: dict[str, CatalogueEntry]
@@ -162,17 +162,20 @@ class Sizing(NamedTuple):
 
 
 def example_tables(name: str) -> dict[str, Any]:
-    """The tables of a shipped spec. Raises PlanError for a name not in EXAMPLES."""
+    """Return the tables of a shipped sizing file. Raises PlanError for a name not in EXAMPLES."""
     if name not in EXAMPLES:
         raise unknown_name("--example", name, EXAMPLES)
     return _shipped(name) | _shipped(f"{name}_published")
 
 
 def sizing_of(tables: dict[str, Any]) -> Sizing:
-    """The sizing of a file's tables, with the shipped catalogue.
+    """Build the sizing of a file's tables, with the shipped catalogue.
 
-    Raises ConfigError naming section, key, value and bound, PlanError for what no axis can be.
+    Tables of an old name (RENAMED_TABLES) are accepted with a RenamedKey warning. Raises
+    ConfigError naming section, key, value and bound, and PlanError for an invalid axis.
     """
+    tables = dict(tables)
+    rename_keys(tables, RENAMED_TABLES)
     file = convert(tables, SizingFile)
     catalogue = _catalogue([*_shipped("catalogue")["catalogue"], *file.catalogue])
     if file.choice and file.choice not in catalogue:
@@ -189,37 +192,39 @@ def _axis(file: SizingFile) -> AxisSpec:
         mounting=_mounting(file.screw),
         load=_load(file.axis),
         cycle=Cycle([_move(number, row) for number, row in enumerate(file.move, start=1)]),
-        transmission=_built(Transmission, file.transmission, "[transmission]"),
-        balls=_built(Balls, file.balls, "[balls]"),
-        shares=_built(Shares, file.shares, "[shares]"),
-        wishes=_built(Wishes, file.wishes, "[wishes]"),
-        motor=None
-        if file.motor is None
-        else _built(Motor, convert(file.motor, MotorSection, "motor"), "[motor]"),
+        transmission=_build(Transmission, file.transmission, "[transmission]"),
+        balls=_build(Balls, file.balls, "[balls]"),
+        utilisation=_build(Utilisation, file.utilisation, "[utilisation]"),
+        requirements=_build(Requirements, file.requirements, "[requirements]"),
+        motor=_motor(file.motor),
         bearing_n_m=file.screw.bearing_n_m,
         nut_n_m=file.screw.nut_n_m,
         carried_kg=file.axis.carried_kg,
     )
 
 
+def _motor(table: dict[str, Any] | None) -> Motor | None:
+    if table is None:
+        return None
+    return _build(Motor, convert(table, MotorSection, "motor"), "[motor]")
+
+
 def _mounting(screw: ScrewSection) -> Mounting:
     if screw.support not in SUPPORTS:
         raise unknown_name("[screw] support", screw.support, SUPPORTS)
-    given = {"whirl": screw.whirl_coefficient, "buckling": screw.buckling_coefficient}
+    coefficients = {"whirl": screw.whirl_coefficient, "buckling": screw.buckling_coefficient}
+    given = {name: value for name, value in coefficients.items() if value is not None}
     for name, value in given.items():
-        if value is not None:
-            check_range(
-                f"[screw] {name}_coefficient", value, 1e-3, 1e4, "leave it out for the beam's own"
-            )
+        check_range(
+            f"[screw] {name}_coefficient", value, 1e-3, 1e4, "leave it out for the beam's own"
+        )
     for name, value in (("bearing_n_m", screw.bearing_n_m), ("nut_n_m", screw.nut_n_m)):
         if value != math.inf:
             bounds.datum(f"[screw] {name}", value)
-    with _named("[screw]"):
+    with _prefix_errors("[screw]"):
         return Mounting(
             length_m=screw.length_m,
-            support=SUPPORTS[screw.support]._replace(
-                **{name: value for name, value in given.items() if value is not None}
-            ),
+            support=SUPPORTS[screw.support]._replace(**given),
             free_length_m=screw.free_length_m,
             density_kg_m3=screw.density_kg_m3,
             youngs_modulus_pa=screw.youngs_modulus_pa,
@@ -232,7 +237,7 @@ def _load(axis: AxisSection) -> AxisLoad:
         "[axis] slope_deg", axis.slope_deg, -90.0, 90.0, "0 is horizontal, positive goes up"
     )
     bounds.datum("[axis] carried_kg", axis.carried_kg, zero=True)
-    with _named("[axis]"):
+    with _prefix_errors("[axis]"):
         return AxisLoad(
             mass_kg=axis.mass_kg,
             slope_rad=math.radians(axis.slope_deg),
@@ -242,17 +247,19 @@ def _load(axis: AxisSection) -> AxisLoad:
 
 
 def _move(number: int, row: dict[str, Any]) -> Move:
-    return _built(Move, convert(row, CycleMoveSection, f"move.{number}"), f"[[move]] {number}:")
+    section = convert(row, CycleMoveSection, f"move.{number}")
+    return _build(Move, section, f"[[move]] {number}:")
 
 
-def _built(kind: Callable[..., T], section: Section, where: str) -> T:
-    """What a section's keys make; an error says whose they are."""
-    with _named(where):
+def _build(kind: Callable[..., T], section: Section, where: str) -> T:
+    """Build an object of a section's keys; an error names the section."""
+    with _prefix_errors(where):
         return kind(**msgspec.structs.asdict(section))
 
 
 @contextmanager
-def _named(where: str) -> Iterator[None]:
+def _prefix_errors(where: str) -> Iterator[None]:
+    """Put the name of a section before the text of a PlanError."""
     try:
         yield
     except PlanError as error:
@@ -265,15 +272,13 @@ def _catalogue(rows: list[dict[str, Any]]) -> dict[str, CatalogueEntry]:
         section = convert(row, EntrySection, f"catalogue.{number}")
         if section.name in entries:
             raise ConfigError(
-                f"[[catalogue]] name = {section.name!r} twice; must be one of a kind: rename one"
+                f"[[catalogue]] name = {section.name!r} twice; must be unique: rename one"
             )
-        entries[section.name] = _built(
-            CatalogueEntry, section, f"[[catalogue]] {section.name.strip() or number}:"
-        )
+        where = f"[[catalogue]] {section.name.strip() or number}:"
+        entries[section.name] = _build(CatalogueEntry, section, where)
     return entries
 
 
 def _shipped(name: str) -> dict[str, Any]:
-    return tomllib.loads(
-        (resources.files("rig.studies.sizing") / "screws" / f"{name}.toml").read_text()
-    )
+    path = resources.files("rig.studies.sizing") / "screws" / f"{name}.toml"
+    return tomllib.loads(path.read_text())

@@ -1,4 +1,7 @@
-"""What a sizing comes to, as one document: verdict, checks, moves, motion-law table, figures, catalogue."""
+"""Result of a sizing, and its JSON document.
+
+It holds verdict, checks, moves, motion-law table, figures and catalogue.
+"""
 
 from __future__ import annotations
 
@@ -13,86 +16,90 @@ from rig.studies.sizing.published import (
     FigureComparison,
     axis_figures,
     cell_figures,
-    compare,
+    compare_figures,
     screw_figures,
 )
 
 
 class Judgement(NamedTuple):
-    """A sizing's catalogue assessed, best first: what fits before what does not."""
+    """Assessed catalogue of a sizing, and the figures of the judged entry."""
 
     sizing: Sizing
-    found: list[Assessment]
-    judged: Assessment  # the choice, without one the first
-    figures: dict[str, float]  # of axis and judged one
-    motion: list[CyclePhaseRow]  # of the judged one
+    found: list[Assessment]  # best first
+    judged: Assessment  # the choice; without one the best
+    figures: dict[str, float]  # of the axis and the judged entry
+    motion: list[CyclePhaseRow]  # of the judged entry
     printed: list[FigureComparison]
 
     @property
     def chosen(self) -> Assessment | None:
-        """That of the choice."""
+        """Assessment of the choice; None without a choice."""
         return self.judged if self.sizing.choice else None
 
     @property
     def criterion(self) -> str:
-        """Why that one is judged."""
+        """Criterion by which the judged entry was selected."""
         if self.chosen:
             return "choice"
-        return (
-            "told in full first, then greatest least margin"
-            if self.fitting
-            else "greatest least margin"
-        )
+        if self.fitting:
+            return "complete data first, then largest minimum margin"
+        return "largest minimum margin"
 
     @property
     def admissible(self) -> bool:
-        """Whether the judged screw breaks nothing."""
+        """True if the judged entry breaks no check."""
         return self.judged.admissible
 
     @property
     def fitting(self) -> int:
-        """How many of the catalogue break nothing."""
+        """Number of catalogue entries that break no check."""
         return sum(a.admissible for a in self.found)
 
     @property
     def allowed(self) -> AllowedSpeed:
-        """The speed that the judged screw can have, and what sets it."""
+        """Greatest speed of the judged entry, and the check that sets it."""
         return allowed_speed(self.sizing.axis, self.judged)
 
     @property
     def verdict(self) -> str:
-        """One of "good", "doubtful" while something that is asked cannot be decided, "bad"."""
+        """Verdict: "good", "bad", or "doubtful" while a required check cannot be decided."""
         if not self.admissible:
             return "bad"
         return "doubtful" if self.judged.undecided else "good"
 
     @property
     def reasons(self) -> list[str]:
-        """Of a verdict that is not good, with value, bound and next step."""
-        nothing = f"0 of {len(self.found)} entries of the catalogue fit; must be at least one: add entries, or ask for less"
-        return [
-            *([] if self.chosen or self.fitting else [nothing]),
-            *(check.reason for check in (*self.judged.broken, *self.judged.undecided)),
-        ]
+        """Reasons of a verdict that is not good, with value, bound and next step."""
+        reasons = []
+        if not self.chosen and not self.fitting:
+            reasons.append(
+                f"0 of {len(self.found)} entries of the catalogue fit; must be at least one: "
+                "add entries, or relax the requirements"
+            )
+        reasons += [check.reason for check in (*self.judged.broken, *self.judged.undecided)]
+        return reasons
 
 
 def judge(sizing: Sizing) -> Judgement:
-    """Assess the catalogue. Raises PlanError and ConfigError for published figures that cannot be compared."""
+    """Assess the catalogue and compare the published figures.
+
+    Raises PlanError and ConfigError for published figures that cannot be compared.
+    """
     axis = sizing.axis
-    found = sorted(
-        (assess(axis, candidate) for candidate in sizing.catalogue.values()), key=lambda a: a.rank
-    )
+    found = [assess(axis, candidate) for candidate in sizing.catalogue.values()]
+    found.sort(key=lambda assessment: assessment.rank)
     judged = next((a for a in found if a.candidate is sizing.choice), found[0])
-    motion = table(axis.cycle, axis.load, axis.drive(judged.candidate), judged.screw)
+    transmission = axis.transmission_for(judged.candidate)
+    motion = table(axis.cycle, axis.load, transmission, judged.screw)
     of_axis, of_screw = axis_figures(axis), screw_figures(axis, judged)
-    printed = compare(
+    printed = compare_figures(
         sizing.published, of_axis, of_screw | cell_figures(motion), chosen=sizing.choice is not None
     )
     return Judgement(sizing, found, judged, of_axis | of_screw, motion, printed)
 
 
 def document(result: Judgement) -> dict[str, object]:
-    """For one JSON document."""
+    """Build the JSON document of a result."""
     chosen, judged, allowed = result.chosen, result.judged, result.allowed
     return {
         "verdict": result.verdict,

@@ -1,4 +1,4 @@
-"""A motor task: a motor, what it drives, and the motion it is to repeat; from a TOML file or a shipped example."""
+"""Motor task from a TOML file or a shipped example: motor, drivetrain and repeated motion."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from rig.drives.motor import Drivetrain, Motor
 from rig.errors import ConfigError
 from rig.run.toml_file import Section, convert
 
-EXAMPLES = ("1", "2")  # the two worked tasks of source 000
+EXAMPLES = ("1", "2")  # worked tasks of source 000
 
 
 class MotorSection(Section, frozen=True, kw_only=True):
-    """`[motor]`: the catalogue's data."""
+    """`[motor]`: limits of the motor, as in its data sheet."""
 
     continuous_torque_n_m: float
     peak_torque_n_m: float
@@ -29,7 +29,7 @@ class MotorSection(Section, frozen=True, kw_only=True):
 
 
 class DrivetrainSection(Section, frozen=True, kw_only=True):
-    """`[drivetrain]`: what turns with the motor, and what hangs behind the gear."""
+    """`[drivetrain]`: inertia and friction of motor and load, and the gear between them."""
 
     motor_inertia_kg_m2: float
     load_inertia_kg_m2: float = 0.0
@@ -40,7 +40,7 @@ class DrivetrainSection(Section, frozen=True, kw_only=True):
 
 
 class MotionSection(Section, frozen=True, kw_only=True):
-    """`[motion]`: from rest to rest, in rad of the output shaft or in m."""
+    """`[motion]`: motion from rest to rest, in rad of the output shaft or in m."""
 
     time_s: float
     law: str = "cycloidal"
@@ -52,7 +52,7 @@ class MotionSection(Section, frozen=True, kw_only=True):
 
 
 class PublishedSection(Section, frozen=True, kw_only=True):
-    """`[published]`: what a source prints of the task, and why it may differ."""
+    """`[published]`: figures that a source prints of the task, and why they may differ."""
 
     rms_torque_n_m: float | None = None
     peak_speed_rad_s: float | None = None
@@ -60,7 +60,10 @@ class PublishedSection(Section, frozen=True, kw_only=True):
 
 
 class MotorTask(Section, frozen=True, kw_only=True):
-    """A whole file. motor, drivetrain and trajectory are what rig.drives.motor.check takes."""
+    """Whole file of a motor task.
+
+    motor, drivetrain and trajectory are the arguments of rig.drives.motor.check_motor.
+    """
 
     motor_section: MotorSection = msgspec.field(name="motor")
     drivetrain_section: DrivetrainSection = msgspec.field(name="drivetrain")
@@ -69,21 +72,22 @@ class MotorTask(Section, frozen=True, kw_only=True):
 
     @property
     def motor(self) -> Motor:
-        """Raises PlanError for a value out of bounds."""
+        """Motor of the task. Raises PlanError for a value out of bounds."""
         return Motor(**msgspec.structs.asdict(self.motor_section))
 
     @property
     def drivetrain(self) -> Drivetrain:
-        """Raises PlanError for a value out of bounds."""
+        """Drivetrain of the task. Raises PlanError for a value out of bounds."""
         values = msgspec.structs.asdict(self.drivetrain_section)
-        return Drivetrain(
-            **(values | {"radius_m": 1.0 if values["radius_m"] is None else values["radius_m"]})
-        )
+        if values["radius_m"] is None:
+            values["radius_m"] = 1.0
+        return Drivetrain(**values)
 
     def trajectory(self) -> Trajectory:
-        """The motion of the output shaft [rad], or of what rolls off the radius [m].
+        """Build the motion of the output shaft [rad], or of the load on its radius [m].
 
-        Raises ConfigError for keys that do not go together, PlanError for what the law refuses.
+        Raises ConfigError for keys that exclude each other, PlanError for values that the law
+        refuses.
         """
         m = self.motion
         distance, acceleration = self._metres() if m.distance_m is not None else self._radians()
@@ -93,25 +97,27 @@ class MotorTask(Section, frozen=True, kw_only=True):
             return LAWS[m.law](m.time_s).scaled(distance)
         if m.law != "trapezoidal":
             raise ConfigError(
-                f"[motion] an acceleration of {acceleration:g} with law = {m.law!r}; needs 'trapezoidal': leave it out"
+                f"[motion] an acceleration of {acceleration:g} with law = {m.law!r}; "
+                "needs 'trapezoidal': leave it out"
             )
         return trapezoidal_by_acceleration(distance, m.time_s, acceleration).trajectory()
 
     @property
     def has_figures(self) -> bool:
-        """Whether a source prints something of the task."""
+        """True if the task has published figures."""
         return self.published != PublishedSection()
 
     def _metres(self) -> tuple[float, float | None]:
         m = self.motion
         if m.distance_m is None or m.distance_rad is not None or m.acceleration_rad_s2 is not None:
             raise ConfigError(
-                f"[motion] distance_m = {m.distance_m} beside a key in rad; must be one unit: drop the others"
+                f"[motion] distance_m = {m.distance_m} beside a key in rad; must be one unit: "
+                "drop the others"
             )
         if self.drivetrain_section.radius_m is None:
             raise ConfigError(
-                f"[motion] distance_m = {m.distance_m} without [drivetrain] radius_m; must have one, in m (a screw: "
-                "lead / 2 pi): add it, or give distance_rad"
+                f"[motion] distance_m = {m.distance_m} without [drivetrain] radius_m; must have "
+                "one, in m (a screw: lead / 2 pi): add it, or give distance_rad"
             )
         return m.distance_m, m.acceleration_m_s2
 
@@ -123,21 +129,23 @@ class MotorTask(Section, frozen=True, kw_only=True):
             )
         if m.acceleration_m_s2 is not None or self.drivetrain_section.radius_m is not None:
             raise ConfigError(
-                f"[motion] distance_rad = {m.distance_rad} beside acceleration_m_s2 or radius_m; must be one unit: "
-                "drop them, or give distance_m"
+                f"[motion] distance_rad = {m.distance_rad} beside acceleration_m_s2 or radius_m; "
+                "must be one unit: drop them, or give distance_m"
             )
         return m.distance_rad, m.acceleration_rad_s2
 
 
 def example_tables(name: str) -> dict[str, Any]:
-    """The tables of a shipped example. Raises PlanError for a name not in EXAMPLES."""
+    """Return the tables of a shipped example. Raises PlanError for a name not in EXAMPLES."""
     if name not in EXAMPLES:
         raise unknown_name("--example", name, EXAMPLES)
-    return tomllib.loads(
-        (resources.files("rig.studies.sizing") / "motors" / f"example_{name}.toml").read_text()
-    )
+    path = resources.files("rig.studies.sizing") / "motors" / f"example_{name}.toml"
+    return tomllib.loads(path.read_text())
 
 
 def task_of(tables: dict[str, Any]) -> MotorTask:
-    """The task of a file's tables. Raises ConfigError naming section, key, value and bound."""
+    """Build the task of a file's tables.
+
+    Raises ConfigError naming section, key, value and bound.
+    """
     return convert(tables, MotorTask)

@@ -1,4 +1,4 @@
-"""The figures of a sizing by name, and what a source prints of them beside the right ones."""
+"""Figures of a sizing by name, and their comparison with the printed ones of a source."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rig.drives.screw.axis import AxisSpec
 from rig.drives.screw.candidate import CatalogueEntry
 from rig.drives.screw.life import dynamic_load_n, life_h
 from rig.drives.screw.limits import (
-    RPM,
+    RPM_PER_RAD_S,
     absolute_least_lead,
     least_diameter_by_buckling_m,
     least_lead_by_balls_m,
@@ -30,7 +30,7 @@ PRINTED_ROUNDING_REL = 1e-9  # of the last printed digit
 
 
 class FigureComparison(NamedTuple):
-    """A printed figure, the right one, and why they differ."""
+    """Printed figure, right figure, and the reason of their difference."""
 
     name: str
     printed: str
@@ -39,17 +39,17 @@ class FigureComparison(NamedTuple):
 
     @property
     def differs(self) -> bool:
-        """Whether the right figure does not round to the printed digits."""
+        """True if the right figure does not round to the printed digits."""
         digits = Decimal(self.printed)
         step = float(Decimal(1).scaleb(int(digits.as_tuple().exponent)))  # of the last digit
         return abs(float(digits) - self.right) > step * (0.5 + PRINTED_ROUNDING_REL)
 
 
 def axis_figures(axis: AxisSpec) -> dict[str, float]:
-    """What is known before a screw is chosen, by name with its unit."""
-    need, shares = axis.demand, axis.shares
+    """Compute the figures that are independent of the screw, by name with its unit."""
+    need, utilisation = axis.demand, axis.utilisation
     least = absolute_least_lead(
-        axis.mounting, need.peak_speed_m_s, shares.whirl, axis.balls_m_rpm()
+        axis.mounting, need.peak_speed_m_s, utilisation.whirl, axis.balls_m_rpm()
     )
     figures = {
         **need._asdict(),
@@ -61,33 +61,34 @@ def axis_figures(axis: AxisSpec) -> dict[str, float]:
         "lead_min_abs_m": least.lead_m,
         "diameter_at_lead_min_abs_m": least.diameter_m,
         "diameter_min_buckling_m": least_diameter_by_buckling_m(
-            axis.mounting, need.peak_force_n, shares.buckling
+            axis.mounting, need.peak_force_n, utilisation.buckling
         ),
     }
-    if axis.wishes.life_h is not None:
+    if axis.requirements.life_h is not None:
         figures["dynamic_load_at_lead_min_abs_n"] = dynamic_load_n(
-            axis.wishes.life_h,
+            axis.requirements.life_h,
             need.equivalent_force_n,
             need.mean_speed_m_s,
             least.lead_m,
-            shares.service_factor,
+            utilisation.service_factor,
         )
     return figures
 
 
 def screw_figures(axis: AxisSpec, found: Assessment) -> dict[str, float]:
-    """What a screw adds to the axis, by name with its unit."""
-    screw, need, shares, nut = found.screw, axis.demand, axis.shares, found.candidate
-    rotary, stiffness = axis.transmission.inertia_kg_m2(screw), axis.stiffness_n_m(screw)
+    """Compute the figures of a screw on an axis, by name with its unit."""
+    screw, nut = found.screw, found.candidate
+    need, utilisation = axis.demand, axis.utilisation
+    inertia, stiffness = axis.transmission.inertia_kg_m2(screw), axis.stiffness_n_m(screw)
     antiresonance = screw.antiresonance_rad_s(axis.load.mass_kg, stiffness)
     figures = {
         "screw_mass_kg": screw.mass_kg,
         "screw_inertia_kg_m2": screw.inertia_kg_m2,
-        "rotary_inertia_kg_m2": rotary,
-        "equivalent_mass_kg": screw.equivalent_mass_kg(axis.load.mass_kg, rotary),
+        "rotary_inertia_kg_m2": inertia,
+        "equivalent_mass_kg": screw.equivalent_mass_kg(axis.load.mass_kg, inertia),
         "whirl_rad_s": screw.whirl_rad_s,
-        "critical_speed_rpm": shares.whirl * screw.whirl_rad_s * RPM,
-        "lead_min_whirl_m": least_lead_by_whirl_m(screw, need.peak_speed_m_s, shares.whirl),
+        "critical_speed_rpm": utilisation.whirl * screw.whirl_rad_s * RPM_PER_RAD_S,
+        "lead_min_whirl_m": least_lead_by_whirl_m(screw, need.peak_speed_m_s, utilisation.whirl),
         "lead_min_balls_m": least_lead_by_balls_m(
             screw.circle_m, need.peak_speed_m_s, axis.balls_m_rpm(nut)
         ),
@@ -97,76 +98,81 @@ def screw_figures(axis: AxisSpec, found: Assessment) -> dict[str, float]:
         "torsional_stiffness_n_m_rad": screw.torsional_stiffness_n_m_rad,
         "stiffness_n_m": stiffness,
         "antiresonance_rad_s": antiresonance,
-        "resonance_rad_s": screw.resonance_rad_s(axis.load.mass_kg, stiffness, rotary),
+        "resonance_rad_s": screw.resonance_rad_s(axis.load.mass_kg, stiffness, inertia),
         "bandwidth_low_rad_s": BANDWIDTH_SHARES[0] * antiresonance,
         "bandwidth_high_rad_s": BANDWIDTH_SHARES[1] * antiresonance,
         **found.shaft._asdict(),
         "peak_power_w": found.shaft.peak_power_w,
         "preload_n": axis.preload_n(nut),
-        "drag_torque_n_m": axis.drive(nut).drag_torque_n_m or 0.0,
+        "drag_torque_n_m": axis.transmission_for(nut).drag_torque_n_m or 0.0,
         "equivalent_load_n": axis.equivalent_load_n(nut),
-        **{
-            f"{kind}_speed_rpm": getattr(need, f"{kind}_speed_m_s") / screw.ratio_m_rad * RPM
-            for kind in ("peak", "mean", "rms")
-        },
+        "peak_speed_rpm": need.peak_speed_m_s / screw.ratio_m_rad * RPM_PER_RAD_S,
+        "mean_speed_rpm": need.mean_speed_m_s / screw.ratio_m_rad * RPM_PER_RAD_S,
+        "rms_speed_rpm": need.rms_speed_m_s / screw.ratio_m_rad * RPM_PER_RAD_S,
     }
-    if axis.wishes.life_h is not None:
+    if axis.requirements.life_h is not None:
         figures["dynamic_load_n"] = dynamic_load_n(
-            axis.wishes.life_h,
+            axis.requirements.life_h,
             axis.equivalent_load_n(nut),
             need.mean_speed_m_s,
             screw.lead_m,
-            shares.service_factor,
+            utilisation.service_factor,
         )
     if nut.dynamic_load_n is not None:
         figures["life_h"] = life_of(axis, nut)
         for end, share in zip(("low", "high"), PRELOAD_SHARES, strict=True):
             preload_n = share * nut.dynamic_load_n
-            figures |= {
-                f"preload_{end}_n": preload_n,
-                f"life_at_preload_{end}_h": life_of(axis, replace(nut, preload_n=preload_n)),
-            }
+            preloaded = replace(nut, preload_n=preload_n)
+            figures[f"preload_{end}_n"] = preload_n
+            figures[f"life_at_preload_{end}_h"] = life_of(axis, preloaded)
     return figures
 
 
 def life_of(axis: AxisSpec, nut: CatalogueEntry) -> float:
-    """In hours, with its preload; the nut has a dynamic load."""
+    """Compute the life of a nut with its preload [h]; the nut must have a dynamic load rating."""
     force, speed = axis.equivalent_load_n(nut), axis.demand.mean_speed_m_s
-    return life_h(nut.dynamic_load_n or 0.0, force, speed, nut.lead_m, axis.shares.service_factor)
+    return life_h(
+        nut.dynamic_load_n or 0.0, force, speed, nut.lead_m, axis.utilisation.service_factor
+    )
 
 
 def cell_figures(rows: Sequence[CyclePhaseRow]) -> dict[str, float]:
-    """Cells of the motion-law table as move_N.phase_N.NAME."""
-    return {
-        f"move_{row.move}.phase_{row.phase}.{name}": value
-        for row in rows
-        for name, value in list(row._asdict().items())[2:]
-    }
+    """Name the cells of the motion-law table as move_N.phase_N.NAME."""
+    cells: dict[str, float] = {}
+    for row in rows:
+        values = row._asdict()
+        move, phase = values.pop("move"), values.pop("phase")
+        cells |= {f"move_{move}.phase_{phase}.{name}": value for name, value in values.items()}
+    return cells
 
 
-def compare(
+def compare_figures(
     published: dict[str, PublishedFigure],
     of_axis: dict[str, float],
     of_screw: dict[str, float],
     *,
     chosen: bool,
 ) -> list[FigureComparison]:
-    """Printed and right figures side by side; those of a screw only where it is chosen.
+    """Compare printed with right figures; those of a screw only if it is the choice.
 
-    Raises PlanError for a name of none, ConfigError for digits that are none.
+    Raises PlanError for an unknown name, ConfigError for a text that is not a finite number.
     """
     rows, figures = [], of_axis | of_screw
     for name, figure in published.items():
         if name not in figures:
             raise unknown_name("[published]", name, figures)
-        try:
-            finite = math.isfinite(Decimal(figure.printed))
-        except InvalidOperation:
-            finite = False
-        if not finite:
+        if not _is_finite_number(figure.printed):
             raise ConfigError(
-                f"[published] {name} printed = {figure.printed!r}; must be the digits of a number: as in '4.07e3'"
+                f"[published] {name} printed = {figure.printed!r}; must be the digits of a "
+                "number: as in '4.07e3'"
             )
         if chosen or name in of_axis:
             rows.append(FigureComparison(name, figure.printed, figures[name], figure.reason))
     return rows
+
+
+def _is_finite_number(text: str) -> bool:
+    try:
+        return math.isfinite(Decimal(text))
+    except InvalidOperation:
+        return False

@@ -1,4 +1,4 @@
-"""The published tables of source 004 beside our own figures, in its definitions and exactly.
+"""Published tables of source 004 beside our own figures, in its definitions and exactly.
 
 Imports all lower layers.
 """

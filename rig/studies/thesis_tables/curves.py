@@ -1,4 +1,7 @@
-"""What a plan leaves on a load that is not the planned one: the source's sensitivity figures, as numbers and drawn."""
+"""Residual vibration versus parameter error (sensitivity curves).
+
+The curves are those of source 004, sections 3.2 and 4.3.
+"""
 
 from __future__ import annotations
 
@@ -19,16 +22,16 @@ DISTANCE_M = 0.2
 CURVE_POINTS = 49  # of a curve, the nominal value among them
 
 
-class Load(NamedTuple):
-    """A load of the source, the parameters that may be wrong with their lowest and highest value, and one to be robust in."""
+class CurveLoad(NamedTuple):
+    """Load of the source with the parameters that are varied."""
 
     model: Model
-    ranges: dict[str, tuple[float, float]]
-    robust: str  # any that moves the frequencies gives the same plan
+    ranges: dict[str, tuple[float, float]]  # lowest and highest value by parameter
+    robust: str  # parameter of the robust plans; any that changes a frequency gives the same plan
 
 
-class Family(NamedTuple):
-    """A planner with its options, and the times the source gives it."""
+class PlannerFamily(NamedTuple):
+    """Planner with its options, and the durations of its moves in the source."""
 
     planner: str
     times_s: tuple[float, ...]
@@ -37,25 +40,26 @@ class Family(NamedTuple):
 
 
 LOADS = {
-    "pendulum": Load(PENDULUM, {"length": (0.7, 1.3)}, "length"),
-    "two_bars": Load(
+    "pendulum": CurveLoad(PENDULUM, {"length": (0.7, 1.3)}, "length"),
+    "two_bars": CurveLoad(
         TWO_BARS,
         {"length_1": (0.35, 0.65), "length_2": (0.35, 0.65), "stiffness_1": (5.0, 15.0)},
         "length_2",
     ),
 }
 FAMILIES = {
-    "simple": Family("convolution", (2.5, 2.0, 1.5)),
-    "robust": Family("convolution", (2.5, 2.0, 1.5), robust=True),
-    "jerk": Family("convolution", (2.0, 1.5), input="jerk"),
-    "robust_jerk": Family("convolution", (2.0, 1.5), input="jerk", robust=True),
-    "ZV": Family("zv", (2.5, 2.0, 1.5)),
-    "ZVD": Family("zvd", (2.5,)),  # the shaper alone lasts 2.01 s, that of the bars 2.03 s
+    "simple": PlannerFamily("convolution", (2.5, 2.0, 1.5)),
+    "robust": PlannerFamily("convolution", (2.5, 2.0, 1.5), robust=True),
+    "jerk": PlannerFamily("convolution", (2.0, 1.5), input="jerk"),
+    "robust_jerk": PlannerFamily("convolution", (2.0, 1.5), input="jerk", robust=True),
+    "ZV": PlannerFamily("zv", (2.5, 2.0, 1.5)),
+    # the shaper alone takes 2.01 s for the pendulum, 2.03 s for the bars
+    "ZVD": PlannerFamily("zvd", (2.5,)),
 }
 
 
-class Series(msgspec.Struct, frozen=True, kw_only=True):
-    """Swing left at the end of one plan over the values of one parameter."""
+class SensitivityCurve(msgspec.Struct, frozen=True, kw_only=True):
+    """Residual swing of one plan over the true value of one parameter."""
 
     load: str
     family: str
@@ -63,54 +67,58 @@ class Series(msgspec.Struct, frozen=True, kw_only=True):
     parameter: str
     nominal: float
     values: list[float]  # SI
-    residual_rad: list[float]  # small swings
+    residual_rad: list[float]  # linear model
     residual_nonlinear_rad: list[float]
 
 
-def sensitivity_document() -> dict[str, Series]:
-    """Every curve by its name, e.g. "pendulum.robust_T2.length" (source 004, sections 3.2 and 4.3; 0.2 m from rest to rest)."""
-    return {
-        f"{load}.{family}_T{time_s:g}.{series.parameter}": series
-        for load in LOADS
-        for family, kind in FAMILIES.items()
-        for time_s in kind.times_s
-        for series in _series(load, family, time_s)
-    }
+def sensitivity_document() -> dict[str, SensitivityCurve]:
+    """Compute every curve by its name, e.g. "pendulum.robust_T2.length".
+
+    The moves are 0.2 m from rest to rest.
+    """
+    document = {}
+    for load in LOADS:
+        for family, kind in FAMILIES.items():
+            for time_s in kind.times_s:
+                for curve in _curves(load, family, time_s):
+                    name = f"{load}.{family}_T{time_s:g}.{curve.parameter}"
+                    document[name] = curve
+    return document
 
 
-def _series(load: str, family: str, time_s: float) -> Iterator[Series]:
-    """Curves of one plan, all parameters at once."""
+def _curves(load: str, family: str, time_s: float) -> Iterator[SensitivityCurve]:
+    """Compute the curves of one plan, for all parameters at once."""
     model, ranges, _ = LOADS[load]
     trajectory = _plan(load, family, time_s)
     values = {
         name: np.linspace(low, high, CURVE_POINTS).tolist() for name, (low, high) in ranges.items()
     }
-    real = [model.with_parameter(name, value) for name in values for value in values[name]]
-    small, full = (
-        residual_amplitudes(real, trajectory, nonlinear=kind).reshape(-1, CURVE_POINTS)
+    true_models = [model.with_parameter(name, value) for name in values for value in values[name]]
+    linear, nonlinear = (
+        residual_amplitudes(true_models, trajectory, nonlinear=kind).reshape(-1, CURVE_POINTS)
         for kind in (False, True)
     )
-    for name, linear, nonlinear in zip(values, small.tolist(), full.tolist(), strict=True):
-        yield Series(
+    for name, small, full in zip(values, linear.tolist(), nonlinear.tolist(), strict=True):
+        yield SensitivityCurve(
             load=load,
             family=family,
             time_s=time_s,
             parameter=name,
             nominal=model.parameters[name],
             values=values[name],
-            residual_rad=linear,
-            residual_nonlinear_rad=nonlinear,
+            residual_rad=small,
+            residual_nonlinear_rad=full,
         )
 
 
 def _plan(load: str, family: str, time_s: float) -> Trajectory:
-    model, _, robust = LOADS[load]
-    planner, _, input, forgiving = FAMILIES[family]
+    model, _, robust_parameter = LOADS[load]
+    kind = FAMILIES[family]
     problem = Problem(
         distance_m=DISTANCE_M,
         time_s=time_s,
         model=model,
-        input=input,
-        robust=(robust,) if forgiving else (),
+        input=kind.input,
+        robust=(robust_parameter,) if kind.robust else (),
     )
-    return plan(planner, problem).motion.x
+    return plan(kind.planner, problem).motion.x

@@ -1,4 +1,4 @@
-"""What a plan exactly does, under the columns of the source's tables."""
+"""Exact figures of a plan, under the columns of the source's tables."""
 
 from __future__ import annotations
 
@@ -9,23 +9,24 @@ from planners.replay.metrics import swing_after
 from planners.replay.swing import Swing
 from planners.trajectories.pieces import FloatArray
 from planners.trajectories.trajectory import Trajectory
-from rig.studies.thesis_tables.source_metrics import InputNodes, respond
+from rig.studies.thesis_tables.source_metrics import InputNodes, response
 
-INTERVALS = 2000  # of a move, to read the angles' peaks from: leaves 1e-6 of them where the acceleration steps, else 1e-8
-INSTANT_S = 1e-9
+# intervals of a move for the peaks of the angles; relative error 1e-6 where the acceleration
+# steps, else 1e-8
+INTERVALS = 2000
+BEFORE_STEP_S = 1e-9  # distance of the last node before a step of the acceleration
 
 
 def exact_metrics(model: Model, trajectory: Trajectory) -> dict[str, float]:
-    """Absolute maxima and travel of the move, RMS over it, and as every theta*_res the swing's amplitude at its end.
+    """Compute absolute maxima, travel, RMS over the move, and the residual swing.
 
-    Platform: exact to rounding. Angles: small swings.
+    Every theta*_res is the amplitude of the swing at the end of the move. Figures of the platform
+    are exact to rounding; angles are those of small swings.
     """
     n = model.links_count
     low, high = trajectory.extent(0)
-    t, x = (
-        np.linspace(0.0, trajectory.duration_s, INTERVALS + 1),
-        states_along(model, trajectory, INTERVALS),
-    )
+    t = np.linspace(0.0, trajectory.duration_s, INTERVALS + 1)
+    x = states_along(model, trajectory, INTERVALS)
     peaks = [Swing(t, x[:, [k]], x[:, [n + k]]).peak_rad() for k in range(2, 2 + n)]
     residual = model.amplitude_rad(*swing_after(model, trajectory))
     marks = [""] if n == 1 else range(1, n + 1)
@@ -42,24 +43,22 @@ def exact_metrics(model: Model, trajectory: Trajectory) -> dict[str, float]:
 
 
 def states_along(model: Model, trajectory: Trajectory, intervals: int) -> FloatArray:
-    """Position, speed, small angles and their rates at intervals + 1 even times of the move: (intervals + 1, 2 + 2n).
+    """Compute position, speed, small angles and their rates at evenly spaced times.
 
-    The acceleration is taken as lines between nodes, twice, and the error of the nodes' distance squared extrapolated.
+    (intervals + 1, 2 + 2n). The acceleration is taken as linear between nodes, with intervals and
+    with twice as many; the error, quadratic in the node distance, is extrapolated to 0.
     """
-    coarse, fine = (
-        _between_lines(model, trajectory, count) for count in (intervals, 2 * intervals)
-    )
+    coarse = _piecewise_linear_states(model, trajectory, intervals)
+    fine = _piecewise_linear_states(model, trajectory, 2 * intervals)
     return (4.0 * fine[::2] - coarse) / 3.0
 
 
-def _between_lines(model: Model, trajectory: Trajectory, intervals: int) -> FloatArray:
+def _piecewise_linear_states(model: Model, trajectory: Trajectory, intervals: int) -> FloatArray:
     time_s, joints = trajectory.duration_s, trajectory.breaks_s[1:-1]
     t = np.linspace(0.0, time_s, intervals + 1)
-    if (
-        joints.size
-    ):  # where the acceleration may step: a node at the joint, and one an instant before it
-        apart = np.abs(np.subtract.outer(t, joints)).min(axis=1) > 2.0 * INSTANT_S
-        t = np.sort(np.concatenate([t[apart], joints - INSTANT_S, joints]))
-    return respond(
-        model.state_space(), InputNodes(t, trajectory.at(t, 2)), time_s, time_s / intervals
-    )
+    if joints.size:
+        # the acceleration may step here: a node at the joint, and one just before it
+        apart = np.abs(np.subtract.outer(t, joints)).min(axis=1) > 2.0 * BEFORE_STEP_S
+        t = np.sort(np.concatenate([t[apart], joints - BEFORE_STEP_S, joints]))
+    nodes = InputNodes(t, trajectory.at(t, 2))
+    return response(model.state_space(), nodes, time_s, time_s / intervals)

@@ -1,4 +1,4 @@
-"""An adaptive Runge-Kutta pair that places its points as the source's shooting did."""
+"""Adaptive Runge-Kutta pair that places its points as in the source's shooting."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ import numpy as np
 
 from planners.trajectories.pieces import FloatArray
 
-RELATIVE, ABSOLUTE = 1e-3, 1e-6  # tolerances the source left at their defaults
+RELATIVE_TOLERANCE = 1e-3  # defaults of ode45, as in the source
+ABSOLUTE_TOLERANCE = 1e-6
 REFINE = 4  # points reported for each step
 ORDER = 5
 
-# Dormand and Prince (1980), 5(4): the last row is also the solution
+# Dormand and Prince (1980), order 5(4): the last row is also the solution
 STAGES = (
     (1 / 5,),
     (3 / 40, 9 / 40),
@@ -20,8 +21,8 @@ STAGES = (
     (35 / 384, 0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84),
 )
 ERROR = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
-# Powers 1 to 4 of the share of a step, one row a stage (the pair's interpolant of order 4)
-WITHIN = np.array(
+# Interpolant of order 4: coefficients of the powers 1 to 4 of the share of a step, a row per stage
+INTERPOLANT = np.array(
     [
         [1, -183 / 64, 37 / 12, -145 / 128],
         [0, 0, 0, 0],
@@ -37,15 +38,18 @@ WITHIN = np.array(
 def ode45(
     matrix: FloatArray, start: FloatArray, duration_s: float
 ) -> tuple[FloatArray, FloatArray]:
-    """y' = matrix y: the times (m,) and states (m, n) at the ends of its steps and at REFINE - 1 points within each.
+    """Integrate y' = matrix y; return times (m,) and states (m, n).
 
-    Step control of Shampine and Reichelt, "The MATLAB ODE suite" (1997): the error is relative to the larger of |y| before
-    and after, not below ABSOLUTE / RELATIVE; a step is at most a tenth of the whole.
+    Points are the ends of the steps and REFINE - 1 points within each. Step control of Shampine and
+    Reichelt, "The MATLAB ODE suite" (1997): the error is relative to the larger |y| before and
+    after a step, at least ABSOLUTE_TOLERANCE / RELATIVE_TOLERANCE; a step is at most a tenth of the
+    duration.
     """
-    longest, t, y = 0.1 * duration_s, 0.0, start
-    floor = ABSOLUTE / RELATIVE
+    longest = 0.1 * duration_s
+    t, y = 0.0, start
+    floor = ABSOLUTE_TOLERANCE / RELATIVE_TOLERANCE
     steepness = np.max(np.abs(matrix @ y) / np.maximum(np.abs(y), floor)) / (
-        0.8 * RELATIVE ** (1 / ORDER)
+        0.8 * RELATIVE_TOLERANCE ** (1 / ORDER)
     )
     step = min(longest, 1.0 / float(steepness)) if steepness > 0 else longest
     times, states = [np.zeros(1)], [y[None]]
@@ -55,27 +59,31 @@ def ode45(
     while t < duration_s:
         step = min(longest, step)
         last = 1.1 * step >= duration_s - t
-        step = duration_s - t if last else step
+        if last:
+            step = duration_s - t
         slopes, new = _stages(matrix, y, step)
-        error = step * float(
-            np.max(np.abs(ERROR @ slopes) / np.maximum(np.maximum(np.abs(y), np.abs(new)), floor))
-        )
-        if error > RELATIVE:
-            step *= 0.5 if failed else max(0.1, 0.8 * (RELATIVE / error) ** (1 / ORDER))
+        size = np.maximum(np.maximum(np.abs(y), np.abs(new)), floor)
+        error = step * float(np.max(np.abs(ERROR @ slopes) / size))
+        if error > RELATIVE_TOLERANCE:
+            # a second failure in a row halves the step
+            ratio = 0.8 * (RELATIVE_TOLERANCE / error) ** (1 / ORDER)
+            step *= 0.5 if failed else max(0.1, ratio)
             failed = True
             continue
         times.append(t + step * shares)
-        states.append(y + step * (powers @ WITHIN.T) @ slopes)
+        states.append(y + step * (powers @ INTERPOLANT.T) @ slopes)
         states[-1][-1] = new
-        t, y = (duration_s if last else t + step), new
-        step /= 1.0 if failed else max(0.2, 1.25 * (error / RELATIVE) ** (1 / ORDER))
+        t = duration_s if last else t + step
+        y = new
+        if not failed:
+            step /= max(0.2, 1.25 * (error / RELATIVE_TOLERANCE) ** (1 / ORDER))
         failed = False
     times[-1][-1] = duration_s
     return np.concatenate(times), np.concatenate(states)
 
 
 def _stages(matrix: FloatArray, y: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
-    """Slopes (7, n) of one step, and where it ends."""
+    """Compute the slopes (7, n) of one step and its end state (n,)."""
     slopes = np.zeros((7, len(y)))
     slopes[0] = matrix @ y
     new = y

@@ -1,4 +1,4 @@
-"""The source's own metrics: its definitions, its sampling, its windows."""
+"""Metrics of the source, with its definitions, sampling and windows."""
 
 from __future__ import annotations
 
@@ -9,59 +9,66 @@ import numpy as np
 from planners.models.model import StateSpace
 from planners.trajectories.pieces import FloatArray
 
-SOURCE_SAMPLE_S = 0.5e-3  # of the source's simulations
-TERMS = 8  # of a series over one sample: the fastest plant here has |a| SAMPLE_S = 0.03, and 0.03^8/8! = 2e-17
+SOURCE_SAMPLE_S = 0.5e-3  # sample time of the source's simulations
+# terms of a power series over one sample: |a| SOURCE_SAMPLE_S = 0.03 for the fastest plant here,
+# and 0.03^8 / 8! = 2e-17
+SERIES_TERMS = 8
 
 
 class InputNodes(NamedTuple):
-    """Where a method knows its input; between nodes it is linear, after the last it is 0."""
+    """Nodes of an input; it is linear between them and 0 after the last one."""
 
     t_s: FloatArray  # (m,) strictly increasing from 0
-    values: FloatArray  # (m,) of the plant's input
+    values: FloatArray  # (m,) input of the plant
 
 
-def respond(
+def response(
     plant: StateSpace, nodes: InputNodes, duration_s: float, sample_s: float = SOURCE_SAMPLE_S
 ) -> FloatArray:
-    """States of the linear plant from rest, every sample_s from 0 to duration_s: (N + 1, n), exact to rounding.
+    """Simulate the linear plant from rest; return its states (N + 1, n), exact to rounding.
 
-    The input is a line that changes its value and slope at the nodes, so [x; u; u'] obeys one linear law between nodes;
-    a change is carried to the next sample by its power series, and all samples are then summed in log2 N steps.
+    Samples are every sample_s from 0 to duration_s. The input changes its value and slope at the
+    nodes only, so that [x; u; u'] obeys one linear equation between them. The change at a node is
+    carried to the next sample by a power series; all samples are then summed in log2 N steps.
     """
     n, count = len(plant.states), round(duration_s / sample_s) + 1
-    law = np.zeros((n + 2, n + 2))
-    law[:n, :n], law[:n, n], law[n, n + 1] = plant.a, plant.b[:, 0], 1.0
+    matrix = np.zeros((n + 2, n + 2))
+    matrix[:n, :n] = plant.a
+    matrix[:n, n] = plant.b[:, 0]
+    matrix[n, n + 1] = 1.0
     sample = np.ceil(nodes.t_s / sample_s - 1e-6).astype(np.intp)
-    carried = _carry(law, _changes(nodes, n), sample * sample_s - nodes.t_s)
+    carried = _carry(matrix, _changes(nodes, n), sample * sample_s - nodes.t_s)
     inside = sample < count
     z = np.zeros((count, n + 2))
     np.add.at(z, sample[inside], carried[inside])
-    flow, step = (
-        _carry(law, np.eye(n + 2), np.full(n + 2, sample_s)),
-        1,
-    )  # rows: what each state becomes
+    flow = _carry(matrix, np.eye(n + 2), np.full(n + 2, sample_s))  # transposed transition matrix
+    step = 1
     while step < count:
         z[step:] += z[:-step] @ flow
-        flow, step = flow @ flow, 2 * step
+        flow = flow @ flow
+        step *= 2
     return z[:, :n]
 
 
-def measure(
+def source_metrics(
     plant: StateSpace,
     nodes: InputNodes,
     *,
     window: int = 2,
     acceleration: Literal["nodes", "speed"] = "nodes",
 ) -> dict[str, float]:
-    """The columns of the source's tables for an input that moves the plant from rest (source 004, sections 3.2 and 4.2).
+    """Compute the columns of the source's tables for an input from rest (sections 3.2 and 4.2).
 
-    theta*_max_rad: largest signed value over the move; theta*_res_rad: over as long again; dy_max_m: highest minus lowest
-    position in both; v_max_m_s: signed; v_rms_m_s: over [0, window T]; a_max_m_s2 (signed), a_rms_m_s2: unweighted over the
-    method's nodes, or ("speed") over differences of the simulated speed in [0, 2T].
+    T is the duration of the move.
+
+    theta*_max_rad: largest signed value over [0, T]; theta*_res_rad: over [T, 2T];
+    dy_max_m: highest minus lowest position over [0, 2T]; v_max_m_s: largest signed value;
+    v_rms_m_s: over [0, window T]; a_max_m_s2 (signed) and a_rms_m_s2: unweighted over the nodes,
+    or ("speed") over differences of the simulated speed in [0, 2T].
     """
     time_s = float(nodes.t_s[-1])
     end = round(time_s / SOURCE_SAMPLE_S)
-    x = respond(plant, nodes, max(window, 2) * time_s)
+    x = response(plant, nodes, max(window, 2) * time_s)
     both = x[: 2 * end + 1]
     angles = [k for k, name in enumerate(plant.states) if name.startswith("angle_")]
     figures: dict[str, float] = {}
@@ -80,19 +87,20 @@ def measure(
 
 
 def _changes(nodes: InputNodes, n: int) -> FloatArray:
-    """Change of [x; u; u'] at each node: (m, n + 2)."""
+    """Compute the change of [x; u; u'] at each node: (m, n + 2)."""
     slopes = np.diff(nodes.values) / np.diff(nodes.t_s)
     changes = np.zeros((len(nodes.t_s), n + 2))
-    changes[0, n], changes[-1, n] = nodes.values[0], -nodes.values[-1]
+    changes[0, n] = nodes.values[0]
+    changes[-1, n] = -nodes.values[-1]
     changes[:, n + 1] = np.diff(slopes, prepend=0.0, append=0.0)
     return changes
 
 
-def _carry(law: FloatArray, start: FloatArray, after_s: FloatArray) -> FloatArray:
-    """exp(law after_s) start for each row of start: (m, n), (m,)."""
+def _carry(matrix: FloatArray, start: FloatArray, after_s: FloatArray) -> FloatArray:
+    """Compute exp(matrix after_s) start for each row of start: (m, n), (m,)."""
     total = term = start
-    for k in range(1, TERMS):
-        term = term @ law.T * (after_s / k)[:, None]
+    for k in range(1, SERIES_TERMS):
+        term = term @ matrix.T * (after_s / k)[:, None]
         total = total + term
     return total
 

@@ -82,7 +82,7 @@ def compare(
     seconds, every = tables.planning_time(stopwatch_s), list[RowComparison]()
     for name in names:
         with working(f"table {name}: planning every row", quiet=not as_json or len(names) == 1):
-            comparisons = tables.compare(name, seconds)
+            comparisons = tables.compare_table(name, seconds)
         every += comparisons
         if not as_json:
             _print(name, comparisons)

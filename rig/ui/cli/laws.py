@@ -18,7 +18,7 @@ from planners.models.pendulum import PendulumModel
 from planners.spectra.swing_free import swing_free_cycles
 from rig.errors import ConfigError
 from rig.run.config import LimitsSection, ModelSection
-from rig.studies.laws_under_limits import WORDS, LawMove, law_move, period_s
+from rig.studies.laws_under_limits import DERIVATIVE_NAMES, LawMove, law_move, period_s
 from rig.studies.published_laws import FIGURES, PUBLISHED, wrong_figures
 from rig.ui.cli.output import PLAIN, out, print_json, wide, working
 
@@ -233,7 +233,7 @@ def _moves_table(moves: list[LawMove], title: str) -> Table:
             m.name,
             m.continuity,
             f"{m.time_s:.6f}{' ' if m.shape == 'fixed' else '*'}",
-            ", ".join(WORDS[LIMITS.index(key)] for key in m.meets),
+            ", ".join(DERIVATIVE_NAMES[LIMITS.index(key)] for key in m.meets),
             f"{m.peak_speed_m_s:.4f}",
             f"{m.peak_acceleration_m_s2:.4f}",
             "∞" if math.isinf(m.peak_jerk_m_s3) else f"{m.peak_jerk_m_s3:.3f}",

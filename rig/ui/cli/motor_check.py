@@ -10,7 +10,7 @@ import typer
 from rich.table import Table
 
 from planners.laws import LAWS
-from rig.drives.motor import TOLERANCE, Verdict, check
+from rig.drives.motor import LIMIT_EXCESS_REL, Verdict, check_motor
 from rig.errors import REFUSED, ConfigError
 from rig.run.toml_file import read_toml
 from rig.studies.sizing.motor_task import EXAMPLES, MotorTask, example_tables, task_of
@@ -139,7 +139,7 @@ def motor_check(
         tables.pop("published", None)  # they are of the motion as it stands
     task = task_of(tables)
     trajectory = task.trajectory()
-    verdict = check(task.motor, task.drivetrain, trajectory, task.motion.rest_s)
+    verdict = check_motor(task.motor, task.drivetrain, trajectory, task.motion.rest_s)
     if plot is not None:
         from rig.ui.plots import picture_file  # matplotlib takes its time
         from rig.ui.plots.laws import draw_motor
@@ -183,7 +183,7 @@ def _reasons(task: MotorTask, v: Verdict) -> list[str]:
         "lower the gear ratio or take more time",
         "power": f"peak power {need.peak_power_w.value:.6g} W; must be <= {m.peak_power_w:g}: take more time",
     }
-    return [said[name] for name, margin in v.margins.items() if margin < -TOLERANCE]
+    return [said[name] for name, margin in v.margins.items() if margin < -LIMIT_EXCESS_REL]
 
 
 def _document(task: MotorTask, v: Verdict) -> dict[str, object]:
@@ -260,7 +260,7 @@ def _print(task: MotorTask, v: Verdict) -> None:
         )
         unit, margin = UNITS[name], v.margins[name]
         room = (f"{bound:g} {unit}", f"{margin:+.2%}") if math.isfinite(bound) else ("any", "")
-        style = "red" if margin < -TOLERANCE else ""
+        style = "red" if margin < -LIMIT_EXCESS_REL else ""
         source = [_figure(figure, number)] if task.has_figures else []
         view.add_row(title, f"{number:.6g} {unit}", at, *room, *source, style=style)
     wide.print(view)

@@ -112,7 +112,7 @@ def _read(file: Path | None, example: str | None) -> Sizing:
 def _print(result: Judgement, every: bool, figures: bool) -> None:
     axis, judged, need = result.sizing.axis, result.judged, result.sizing.axis.demand
     least = absolute_least_lead(
-        axis.mounting, need.peak_speed_m_s, axis.shares.whirl, axis.balls_m_rpm()
+        axis.mounting, need.peak_speed_m_s, axis.utilisation.whirl, axis.balls_m_rpm()
     )
     _say(
         f"cycle of {axis.cycle.duration_s:g} s over {digits.mm(need.travel_m)}: at most {number(need.peak_speed_m_s)} m/s, "

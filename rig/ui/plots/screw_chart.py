@@ -42,7 +42,7 @@ def draw_region(axis: AxisSpec, found: Sequence[Assessment], judged: Assessment)
     panel = figure.subplots()
     need, nut = axis.demand, judged.candidate
     least = absolute_least_lead(
-        axis.mounting, need.peak_speed_m_s, axis.shares.whirl, axis.balls_m_rpm(nut)
+        axis.mounting, need.peak_speed_m_s, axis.utilisation.whirl, axis.balls_m_rpm(nut)
     )
     right = ROOM * max(least.diameter_m, *(a.candidate.diameter_m for a in found))
     top = ROOM * max(least.lead_m, *(a.candidate.lead_m for a in found))

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from rig.studies.thesis_tables.curves import FAMILIES, LOADS, Series
+from rig.studies.thesis_tables.curves import FAMILIES, LOADS, SensitivityCurve
 from rig.ui.plots import picture_file
 
 PANEL_WIDE, PANEL_TALL = 3.2, 2.1  # inches
@@ -21,7 +21,7 @@ TOP_MRAD = (
 COLOURS = {2.5: "#2e7d32", 2.0: "#1565c0", 1.5: "#c62828"}
 
 
-def draw(document: dict[str, Series], path: Path) -> None:
+def draw(document: dict[str, SensitivityCurve], path: Path) -> None:
     """Draw the document into a .svg, .png or .pdf file: a row for each family, a column for each load and parameter.
 
     Raises ConfigError for another ending, OSError when the file cannot be written.
@@ -29,7 +29,7 @@ def draw(document: dict[str, Series], path: Path) -> None:
     picture_file.save(sheet(document), path)
 
 
-def sheet(document: dict[str, Series]) -> Figure:
+def sheet(document: dict[str, SensitivityCurve]) -> Figure:
     """The document as a figure: small swings solid, nonlinear dashed, +-5 % shaded."""
     families = list(dict.fromkeys(series.family for series in document.values()))
     columns = list(dict.fromkeys((series.load, series.parameter) for series in document.values()))
@@ -59,7 +59,7 @@ def sheet(document: dict[str, Series]) -> Figure:
     return figure
 
 
-def _add(axes: Axes, series: Series) -> None:
+def _add(axes: Axes, series: SensitivityCurve) -> None:
     if not axes.lines:
         axes.axvspan(
             series.nominal * (1.0 - NEAR), series.nominal * (1.0 + NEAR), color="#00000014", lw=0
@@ -88,7 +88,7 @@ def _label(family: str) -> str:
     )
 
 
-def _remarks(document: dict[str, Series]) -> Iterator[str]:
+def _remarks(document: dict[str, SensitivityCurve]) -> Iterator[str]:
     """Where curves left the panels, and which plans leave them although nothing is wrong."""
     left = {
         f"{series.load} {series.family} {series.time_s:g} s".replace("_", " "): mrad

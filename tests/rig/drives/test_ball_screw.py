@@ -1,4 +1,7 @@
-"""Ball screws against beams of finite elements, springs and masses, characteristic equations, hand and printed figures."""
+"""Ball screw: shaft, limits, life, cycle, and the worked example of source 004.
+
+References are springs and masses, closed forms, calculations by hand and the printed figures.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +36,7 @@ from rig.drives.screw.limits import (
     least_lead_by_whirl_m,
 )
 from rig.drives.screw.load import AxisLoad
-from rig.drives.screw.requirements import Shares, Wishes
+from rig.drives.screw.requirements import Requirements, Utilisation
 from rig.drives.screw.shaft import BallScrew, Mounting
 from rig.drives.screw.supports import SUPPORTS
 from rig.drives.screw.table import table
@@ -65,8 +68,8 @@ AXIS = AxisSpec(
     cycle=CYCLE,
     transmission=GEAR,
     balls=Balls(limit_m_rpm=120.0),
-    shares=Shares(whirl=0.7, buckling=0.6, balls=0.8, service_factor=1.2),
-    wishes=Wishes(life_h=300_000.0, lead_class="ISO 5"),
+    utilisation=Utilisation(whirl=0.7, buckling=0.6, balls=0.8, service_factor=1.2),
+    requirements=Requirements(life_h=300_000.0, lead_class="ISO 5"),
 )
 UNIT = CatalogueEntry(
     name="80V hp 20x20",
@@ -86,7 +89,7 @@ grow = st.floats(1.01, 4.0)
 
 
 def to_and_fro(**move):
-    """A cycle of one law there and back."""
+    """Build a cycle of one law there and back."""
     there = Move(**move)
     return Cycle((there, replace(there, stroke_m=-there.stroke_m)))
 
@@ -144,7 +147,7 @@ def test_every_support_is_better_than_the_one_before_it():
 
 
 def test_the_stiffness_chain_is_the_deflection_of_its_springs_under_one_newton():
-    """Bearing and nut give way along the axis; the shaft stretches, and its twist turns into travel."""
+    """Bearing, nut and shaft deflect along the axis; the twist of the shaft becomes travel."""
     area, polar, tau = math.pi * 0.02**2 / 4, math.pi * 0.02**4 / 32, 0.02 / (2 * math.pi)
     twist_rad = 1.0 * tau * 0.8 / (79.3e9 * polar)
     travel = 1.0 / 2e8 + 1.0 / 2.5e8 + 0.8 / (200e9 * area) + tau * twist_rad
@@ -152,7 +155,7 @@ def test_the_stiffness_chain_is_the_deflection_of_its_springs_under_one_newton()
 
 
 def test_antiresonance_and_resonance_are_those_of_the_rotor_and_the_load_on_a_spring():
-    """Coordinates: angle of the motor, place of the load; potential k (x - tau angle)^2 / 2."""
+    """Coordinates: angle of the motor, position x; potential k (x - tau angle)^2 / 2."""
     k, inertia, tau = SCREW.stiffness_n_m(HELD), 1.5e-4, SCREW.ratio_m_rad
     mass = 10.0 + SCREW.mass_kg / 3.0
     stiffness = k * np.array([[tau * tau, -tau], [-tau, 1.0]])
@@ -163,7 +166,7 @@ def test_antiresonance_and_resonance_are_those_of_the_rotor_and_the_load_on_a_sp
     )  # the motor held
 
 
-def test_the_shaft_s_numbers_are_those_recomputed_for_the_source_s_screw():
+def test_the_shaft_of_the_source_has_the_recomputed_numbers():
     known = DATA["shaft"]
     held = SCREW.stiffness_n_m(HELD)
     inertia = GEAR.inertia_kg_m2(SCREW)
@@ -219,7 +222,7 @@ def test_a_screw_on_two_bearings_sags_as_a_beam_under_its_weight_and_a_load_in_i
     assert found.value == pytest.approx(own + load, rel=1e-12)
 
 
-def test_the_core_bends_and_gives_way_and_the_whole_screw_turns():
+def test_the_core_sets_bending_and_stiffness_and_the_nominal_diameter_mass_and_inertia():
     cored, thin = replace(SCREW, core_diameter_m=0.017), replace(SCREW, diameter_m=0.017)
     assert cored.whirl_rad_s == pytest.approx(0.85 * SCREW.whirl_rad_s, rel=1e-12)
     for virtue in (
@@ -233,7 +236,7 @@ def test_the_core_bends_and_gives_way_and_the_whole_screw_turns():
     assert (cored.mass_kg, cored.inertia_kg_m2) == (SCREW.mass_kg, SCREW.inertia_kg_m2)
 
 
-def test_the_balls_are_as_fast_as_their_circle_is_wide_and_a_nut_may_have_its_own_limit():
+def test_the_ball_speed_is_that_of_the_ball_circle_and_a_nut_may_have_its_own_limit():
     name = "ball speed d n"
     plain, wide = (
         by_name(assess(AXIS, UNIT))[name],
@@ -303,12 +306,12 @@ def test_a_chain_that_is_too_soft_without_torsion_leaves_no_lead():
     assert replace(SCREW, lead_m=lead).stiffness_n_m(HELD) == pytest.approx(3e7, rel=1e-12)
 
 
-def test_the_greatest_lead_turns_an_angle_s_error_into_the_place_s():
+def test_the_greatest_lead_turns_the_angle_error_into_the_position_error():
     assert greatest_lead_by_accuracy_m(1e-5, 2 * math.pi / 1000) == pytest.approx(0.01, rel=1e-12)
 
 
 @pytest.mark.parametrize("material", BALLS_M_RPM)
-def test_the_speed_of_balls_is_the_careful_end_of_its_material_unless_the_maker_says_otherwise(
+def test_the_ball_speed_limit_is_the_low_end_of_the_material_unless_the_maker_gives_one(
     material,
 ):
     low, high = BALLS_M_RPM[material]
@@ -346,7 +349,7 @@ def test_a_million_turns_under_the_rated_load_are_a_life_by_definition():
     assert life_h(5000.0, 0.0, speed, lead) == math.inf
 
 
-def test_the_equivalent_force_weighs_by_the_way_travelled():
+def test_the_equivalent_force_is_weighted_by_the_distance_travelled():
     force, travel = np.array([100.0, -200.0, 900.0]), np.array([3.0, 1.0, 0.0])
     assert equivalent_force_n(force, travel) == pytest.approx(
         ((3 * 100**3 + 200**3) / 4) ** (1 / 3), rel=1e-12
@@ -379,7 +382,7 @@ def test_a_trapezoid_without_even_speed_is_a_triangle_and_without_shares_the_law
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_every_law_goes_one_way_and_asks_of_the_nut_what_a_fine_sampling_does(law):
+def test_every_law_moves_in_one_direction_and_its_demand_is_that_of_a_fine_sampling(law):
     cycle = to_and_fro(stroke_m=0.3, time_s=0.4, rest_s=0.05, law=law)
     path = cycle.moves[0].trajectory
     t = np.linspace(0.0, 0.4, 40_001)
@@ -402,7 +405,7 @@ def test_every_law_goes_one_way_and_asks_of_the_nut_what_a_fine_sampling_does(la
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_a_rigid_screw_without_losses_asks_of_the_motor_what_the_motor_check_says(law):
+def test_a_rigid_screw_without_losses_has_the_shaft_demand_of_the_motor_check(law):
     cycle = to_and_fro(stroke_m=0.3, time_s=0.4, law=law)
     gear = Transmission(efficiency=1.0, motor_inertia_kg_m2=2e-5)
     need = shaft_demand(cycle, AxisLoad(mass_kg=10.0), gear, SCREW)
@@ -420,7 +423,7 @@ def test_a_rigid_screw_without_losses_asks_of_the_motor_what_the_motor_check_say
 
 
 def test_losses_count_against_the_motor_when_it_drives_and_for_it_when_the_load_does():
-    """By hand: 100 N of constant force on a lead of 2 pi m, so that torque is force; 1 kg of mass, no inertia that turns."""
+    """By hand: 100 N on a lead of 2 pi m, so that torque is force; 1 kg, no rotating inertia."""
     screw = BallScrew(diameter_m=1e-4, lead_m=2 * math.pi, mounting=Mounting(length_m=5.0))
     load = AxisLoad(mass_kg=1.0, force_n=100.0)
     cycle = to_and_fro(stroke_m=1.0, time_s=1.0, lambda_acc=0.5, lambda_dec=0.5, rest_s=1.0)
@@ -451,7 +454,7 @@ def test_every_printed_force_and_torque_is_ours_to_its_digits(cell):
 
 
 def printed_table():
-    """The table as printed: the return's T2 and T3 wrong."""
+    """Build the table as printed, with the wrong T2 and T3 of the return."""
     wrong = {(3, 2): 0.6, (3, 3): 0.2}
     rows = table(CYCLE, LOAD, GEAR, SCREW)
     return [
@@ -460,13 +463,13 @@ def printed_table():
 
 
 def printed_rms(values):
-    """Root mean square as the source's sheet has it: a value for each phase."""
+    """Compute the root mean square as in the source's sheet: one value for each phase."""
     t = np.array([row.duration_s for row in printed_table()])
     return math.sqrt(float(t @ np.square(values)) / t.sum())
 
 
 def swing_hz(equivalent_mass_kg):
-    """First mode of the double pendulum under a cart that is pushed, not led (source 004, 4.1.6)."""
+    """Compute the first mode of the double pendulum under a free cart [Hz] (source 004, 4.1.6)."""
     l1, l2, m1, m2, j1, j2, k, g = 0.2, 0.15, 1.35, 1.0125, 0.0045, 0.0018984375, 10.0, 9.81
     a, b = l1 * (m1 + 2 * m2) / 2, l2 * m2 / 2
     mass = [
@@ -483,7 +486,10 @@ SMALL = BallScrew(diameter_m=0.016, lead_m=0.016, mounting=Mounting(length_m=0.8
 
 @cache
 def ours():
-    """Our value of every printed figure; those named printed_ repeat the slips of the source's sheet."""
+    """Compute our value of every printed figure.
+
+    Those named printed_ repeat the errors of the source's sheet.
+    """
     need, shaft, rows = demand(CYCLE, LOAD), shaft_demand(CYCLE, LOAD, GEAR, SCREW), printed_table()
     t, v = (
         np.array([row.duration_s for row in rows]),

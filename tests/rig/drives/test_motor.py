@@ -1,4 +1,4 @@
-"""The motor check against the source's two tasks, sampling, quadrature and properties."""
+"""Motor check against the two tasks of source 000, sampling, quadrature and properties."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from planners.errors import PlanError
 from planners.laws import LAWS
 from planners.trajectories.pieces import ExpPolynomial, ModalTerm, Smooth, polynomial
 from planners.trajectories.trajectory import Trajectory
-from rig.drives.motor import Drivetrain, Motor, check, effort, operating_points, torque
+from rig.drives.motor import Drivetrain, Motor, check_motor, effort, operating_points, torque
 
 DATA = tomllib.loads((Path(__file__).parents[2] / "data" / "spectra.toml").read_text())["motor"]
 MOTOR = Motor(continuous_torque_n_m=8.0, peak_torque_n_m=20.0, max_speed_rad_s=10.0)
@@ -48,7 +48,7 @@ motions = st.builds(
 
 @pytest.mark.parametrize("name", TASKS)
 def test_the_source_s_tasks_have_the_torque_of_the_closed_form_and_are_feasible(name):
-    figures, verdict = DATA[name], check(MOTOR, SHAFT, TASKS[name])
+    figures, verdict = DATA[name], check_motor(MOTOR, SHAFT, TASKS[name])
     assert verdict.effort.rms_torque_n_m == pytest.approx(figures["rms_n_m"], rel=1e-12)
     assert verdict.effort.peak_torque_n_m.value == pytest.approx(figures["peak_n_m"], abs=6e-7)
     assert verdict.effort.peak_speed_rad_s.value == pytest.approx(figures["speed_rad_s"], rel=1e-12)
@@ -57,7 +57,7 @@ def test_the_source_s_tasks_have_the_torque_of_the_closed_form_and_are_feasible(
 
 def test_one_of_the_two_printed_rms_torques_is_right_and_the_other_a_quarter_of_a_percent_low():
     off = {
-        name: check(MOTOR, SHAFT, task).cycle_torque_n_m / DATA[name]["published_rms_n_m"]
+        name: check_motor(MOTOR, SHAFT, task).cycle_torque_n_m / DATA[name]["published_rms_n_m"]
         for name, task in TASKS.items()
     }
     assert off["cycloidal"] == pytest.approx(1.0, abs=1e-6)
@@ -66,14 +66,14 @@ def test_one_of_the_two_printed_rms_torques_is_right_and_the_other_a_quarter_of_
 
 def test_a_speed_that_is_the_limit_to_rounding_keeps_it_and_one_above_does_not():
     for factor, kept in ((1.0, True), (1.0 + 1e-12, True), (1.0 + 1e-6, False)):
-        verdict = check(MOTOR, SHAFT, TASKS["cycloidal"].scaled(factor))
+        verdict = check_motor(MOTOR, SHAFT, TASKS["cycloidal"].scaled(factor))
         assert (verdict.feasible, verdict.tightest) == (kept, "speed")
 
 
 def test_the_sign_of_a_move_does_not_matter_to_its_verdict():
     one, other = (
-        check(MOTOR, SHAFT, TASKS["trapezoidal"]),
-        check(MOTOR, SHAFT, TASKS["trapezoidal"].scaled(-1.0)),
+        check_motor(MOTOR, SHAFT, TASKS["trapezoidal"]),
+        check_motor(MOTOR, SHAFT, TASKS["trapezoidal"].scaled(-1.0)),
     )
     assert one.margins == pytest.approx(other.margins, rel=1e-12)
 
@@ -111,7 +111,7 @@ def test_effort_between_any_two_speeds_agrees_with_quadrature_and_sampling(motio
     )
 
 
-def test_a_smooth_motion_asks_for_what_the_closed_form_it_copies_does():
+def test_a_smooth_motion_has_the_effort_of_the_closed_form_that_it_copies():
     law = LAWS["septic"](0.9)
     twin = Trajectory(tuple(Smooth(p.duration_s, p.at, 4) for p in law.pieces))
     one, other = effort(SHAFT, law), effort(SHAFT, twin)
@@ -124,7 +124,7 @@ def test_a_smooth_motion_asks_for_what_the_closed_form_it_copies_does():
 
 
 def test_a_gear_divides_the_load_by_its_square_and_multiplies_the_speed():
-    """The shaft's torque is the motor's own, and the load's over the ratio."""
+    """The torque at the shaft is the motor's own, and the load's over the ratio."""
     law, ratio = LAWS["quintic"](1.0), 12.0
     geared = Drivetrain(
         motor_inertia_kg_m2=2e-4,
@@ -144,7 +144,7 @@ def test_a_gear_divides_the_load_by_its_square_and_multiplies_the_speed():
     )
 
 
-def test_a_mass_on_a_drum_costs_its_inertia_and_its_speed_over_the_radius():
+def test_a_mass_on_a_drum_has_its_inertia_and_its_speed_over_the_radius():
     law, radius_m = LAWS["cubic"](2.0).scaled(0.5), 0.04
     drum = Drivetrain(
         motor_inertia_kg_m2=1e-5, load_inertia_kg_m2=3.0 * radius_m**2, radius_m=radius_m
@@ -157,11 +157,11 @@ def test_a_mass_on_a_drum_costs_its_inertia_and_its_speed_over_the_radius():
     )
 
 
-def test_rest_between_the_moves_cools_the_motor_and_the_least_rest_just_does():
+def test_the_least_rest_between_the_moves_brings_the_rms_torque_to_its_limit():
     small = Motor(continuous_torque_n_m=5.0, peak_torque_n_m=20.0, max_speed_rad_s=10.0)
-    hot = check(small, SHAFT, TASKS["trapezoidal"])
+    hot = check_motor(small, SHAFT, TASKS["trapezoidal"])
     assert (hot.feasible, hot.tightest) == (False, "thermal")
-    cool = check(small, SHAFT, TASKS["trapezoidal"], rest_s=hot.least_rest_s)
+    cool = check_motor(small, SHAFT, TASKS["trapezoidal"], rest_s=hot.least_rest_s)
     assert cool.feasible
     assert cool.cycle_torque_n_m == pytest.approx(5.0, rel=1e-12)
     held = TASKS["trapezoidal"].then(
@@ -170,9 +170,9 @@ def test_rest_between_the_moves_cools_the_motor_and_the_least_rest_just_does():
     assert effort(SHAFT, held).rms_torque_n_m == pytest.approx(5.0, rel=1e-12)
 
 
-def test_a_power_limit_can_be_what_refuses_a_motion():
+def test_a_power_limit_can_be_the_tightest_limit():
     assert (
-        check(
+        check_motor(
             Motor(
                 continuous_torque_n_m=8.0,
                 peak_torque_n_m=20.0,
@@ -184,14 +184,14 @@ def test_a_power_limit_can_be_what_refuses_a_motion():
         ).tightest
         == "power"
     )
-    verdict = check(MOTOR, SHAFT, TASKS["trapezoidal"])
+    verdict = check_motor(MOTOR, SHAFT, TASKS["trapezoidal"])
     assert verdict.effort.peak_power_w.value == pytest.approx(
         16.718847050625474 * 5.729490168751577, rel=1e-12
     )
     assert verdict.power_margin == 1.0
 
 
-def test_the_outline_is_the_region_a_point_is_judged_by():
+def test_the_outline_is_the_edge_of_torque_speed_and_power():
     motor = Motor(
         continuous_torque_n_m=8.0, peak_torque_n_m=20.0, max_speed_rad_s=10.0, peak_power_w=100.0
     )
@@ -218,13 +218,13 @@ def test_many_pieces_are_checked_like_one():
 def test_a_step_in_speed_is_refused_and_a_start_at_speed_is_not():
     begun = Trajectory((polynomial(1.0, (0.0, 1.0)), polynomial(1.0, (1.0, 2.0))))
     with pytest.raises(PlanError, match=r"speed steps by 1 at 1 s; must be 0 for a motor"):
-        check(MOTOR, SHAFT, begun)
-    assert check(MOTOR, SHAFT, Trajectory(begun.pieces[:1])).effort.rms_torque_n_m == pytest.approx(
-        0.3
-    )
+        check_motor(MOTOR, SHAFT, begun)
+    assert check_motor(
+        MOTOR, SHAFT, Trajectory(begun.pieces[:1])
+    ).effort.rms_torque_n_m == pytest.approx(0.3)
 
 
-def test_motors_and_drivetrains_that_are_none_are_refused():
+def test_invalid_motors_and_drivetrains_are_refused_by_name_value_and_bound():
     with pytest.raises(PlanError, match=r"max_speed_rad_s = 0\.0; must be 1e-12 to"):
         Motor(continuous_torque_n_m=1.0, peak_torque_n_m=2.0, max_speed_rad_s=0.0)
     with pytest.raises(
@@ -238,7 +238,7 @@ def test_motors_and_drivetrains_that_are_none_are_refused():
     with pytest.raises(PlanError, match="inertia_kg_m2 = 0 of a drivetrain"):
         Drivetrain(motor_inertia_kg_m2=0.0)
     with pytest.raises(PlanError, match=r"rest_s = nan"):
-        check(MOTOR, SHAFT, TASKS["cycloidal"], rest_s=math.nan)
+        check_motor(MOTOR, SHAFT, TASKS["cycloidal"], rest_s=math.nan)
 
 
 @pytest.mark.parametrize(
@@ -254,7 +254,7 @@ def test_motors_and_drivetrains_that_are_none_are_refused():
         ),
         (lambda: MOTOR.outline(math.nan), "torque_n_m = nan; must be"),
         (
-            lambda: check(MOTOR, SHAFT, TASKS["cycloidal"].scaled(1e300)),
+            lambda: check_motor(MOTOR, SHAFT, TASKS["cycloidal"].scaled(1e300)),
             r"position = .*e\+\d+; must be -1e\+09 to",
         ),
     ],

@@ -1,4 +1,4 @@
-"""Which checks a screw keeps, the region where it keeps them, and what is refused."""
+"""Checks of a screw, the admissible region, and invalid data."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from rig.drives.screw.cycle import Cycle, Move
 from rig.drives.screw.lead_classes import LEAD_CLASSES, TABULATED, lead_class, travel_deviation_m
 from rig.drives.screw.load import AxisLoad
 from rig.drives.screw.region import region
-from rig.drives.screw.requirements import Shares, Wishes
+from rig.drives.screw.requirements import Requirements, Utilisation
 from rig.drives.screw.shaft import Mounting
 from rig.drives.screw.supports import SUPPORTS
 from rig.drives.screw.transmission import Transmission
@@ -35,7 +35,7 @@ SCREW = UNIT.screw(AXIS.mounting)
 
 
 def to_and_fro(**move):
-    """A cycle of one law there and back."""
+    """Build a cycle of one law there and back."""
     there = Move(**move)
     return Cycle((there, replace(there, stroke_m=-there.stroke_m)))
 
@@ -66,7 +66,7 @@ def test_the_chosen_unit_is_too_slow_and_too_coarse_and_the_rest_holds():
     assert allowed_speed(AXIS, found) == (1.0, "speed of the unit")
 
 
-def test_the_cycle_slowed_as_told_is_what_the_unit_can_do():
+def test_the_unit_keeps_its_speed_with_the_times_that_the_check_names():
     moves = tuple(replace(move, time_s=move.time_at(1.0)) for move in MOVES)
     assert [move.time_s for move in moves] == pytest.approx([0.3 / 0.67, 0.3 / 0.7, 1.0])
     found = assess(replace(AXIS, cycle=Cycle(moves)), replace(UNIT, lead_class="ISO 5"))
@@ -75,27 +75,32 @@ def test_the_cycle_slowed_as_told_is_what_the_unit_can_do():
     assert found.tightest.margin == pytest.approx(0.0, abs=1e-12)
 
 
-def test_what_the_catalogue_does_not_tell_is_not_decided_and_what_nobody_asks_is_only_told():
+def test_checks_without_catalogue_data_are_undecided_and_unrequired_ones_have_no_bound():
     bare = CatalogueEntry(name="20x20", diameter_m=0.02, lead_m=0.02, origin="a guess")
     found = assess(AXIS, bare)
     assert found.admissible
     assert [check.name for check in found.undecided] == ["dynamic load", "life", "lead class"]
     assert "ask the maker for ISO 5 or a finer one" in found.undecided[2].reason
-    asked = {check.name: check.state for check in found.checks}
+    states = {check.name: check.state for check in found.checks}
     assert (
-        asked["sag"]
-        == asked["motor power"]
-        == asked["static load"]
-        == asked["speed of the unit"]
+        states["sag"]
+        == states["motor power"]
+        == states["static load"]
+        == states["speed of the unit"]
         == NOT_ASKED
     )
-    unasked = assess(replace(AXIS, wishes=Wishes()), bare)
-    assert not unasked.undecided
+    unbounded = assess(replace(AXIS, requirements=Requirements()), bare)
+    assert not unbounded.undecided
 
 
-def test_every_wish_can_be_what_a_screw_breaks():
-    def broken(**wishes):
-        return [check.name for check in assess(replace(AXIS, wishes=Wishes(**wishes)), good).broken]
+def test_every_requirement_can_be_the_one_that_a_screw_breaks():
+    def broken(**requirements):
+        return [
+            check.name
+            for check in assess(
+                replace(AXIS, requirements=Requirements(**requirements)), good
+            ).broken
+        ]
 
     good = replace(UNIT, speed_m_s=2.0, lead_class="ISO 5")
     assert broken() == []
@@ -111,23 +116,27 @@ def test_every_wish_can_be_what_a_screw_breaks():
 def test_the_dynamic_load_and_the_life_fail_together():
     hours = by_name(assess(AXIS, UNIT))["life"].value
     for factor, kept in ((1 - 1e-9, True), (1 + 1e-6, False)):
-        checks = by_name(assess(replace(AXIS, wishes=Wishes(life_h=hours * factor)), UNIT))
+        checks = by_name(
+            assess(replace(AXIS, requirements=Requirements(life_h=hours * factor)), UNIT)
+        )
         assert (checks["life"].state == "kept", checks["dynamic load"].state == "kept") == (
             kept,
             kept,
         )
 
 
-def test_the_deviation_over_the_travel_is_the_table_s_and_beyond_it_not_decided():
+def test_the_deviation_over_the_travel_is_that_of_the_table_and_beyond_it_undecided():
     short = replace(
-        AXIS, cycle=to_and_fro(stroke_m=0.35, time_s=1.0), wishes=Wishes(travel_deviation_m=20e-6)
+        AXIS,
+        cycle=to_and_fro(stroke_m=0.35, time_s=1.0),
+        requirements=Requirements(travel_deviation_m=20e-6),
     )
     fine = replace(UNIT, lead_class="ISO 3")
     assert by_name(assess(short, fine))["lead over the travel"].value == pytest.approx(13.0)
     assert by_name(assess(short, replace(UNIT, lead_class="ISO 5")))[
         "lead over the travel"
     ].margin == pytest.approx(-0.25)
-    far = by_name(assess(replace(AXIS, wishes=Wishes(travel_deviation_m=20e-6)), fine))[
+    far = by_name(assess(replace(AXIS, requirements=Requirements(travel_deviation_m=20e-6)), fine))[
         "lead over the travel"
     ]
     assert far.state == UNDECIDED
@@ -140,17 +149,17 @@ def test_a_unit_must_be_as_long_as_the_travel():
         assert [check.name for check in found.broken] == broken
 
 
-def test_a_class_that_nobody_asks_for_is_told_where_the_table_has_none():
-    unasked = replace(AXIS, wishes=Wishes())
-    found = by_name(assess(unasked, UNIT))["lead class"]
+def test_a_class_outside_the_table_has_a_note_though_no_class_is_required():
+    unbounded = replace(AXIS, requirements=Requirements())
+    found = by_name(assess(unbounded, UNIT))["lead class"]
     assert (found.state, found.value, found.bound) == (NOT_ASKED, pytest.approx(52.0), None)
     assert (
         found.note == "ISO 7 is outside the classes that source 004 tabulates, ISO 1, ISO 3, ISO 5"
     )
-    assert by_name(assess(unasked, replace(UNIT, lead_class="ISO 3")))["lead class"].note == ""
+    assert by_name(assess(unbounded, replace(UNIT, lead_class="ISO 3")))["lead class"].note == ""
 
 
-def test_the_dynamic_load_to_ask_for_is_one_that_lasts():
+def test_the_dynamic_load_to_ask_for_reaches_the_life():
     bare = CatalogueEntry(
         name="20x20", diameter_m=0.02, lead_m=0.02, origin="a guess", preload_n=580.0
     )
@@ -163,7 +172,7 @@ def test_the_dynamic_load_to_ask_for_is_one_that_lasts():
 
 
 @pytest.mark.parametrize(
-    ("values", "unit", "told"),
+    ("values", "unit", "text"),
     [
         ((4070.5563, 4072.376), "rpm", (["4070.56", "4072.38"], "rpm")),
         ((4070.5563, 5000.0), "rpm", (["4071", "5000"], "rpm")),
@@ -174,9 +183,9 @@ def test_the_dynamic_load_to_ask_for_is_one_that_lasts():
     ],
 )
 def test_numbers_have_four_digits_unless_those_hide_a_difference_and_the_units_of_the_field(
-    values, unit, told
+    values, unit, text
 ):
-    assert digits.shown(values, unit) == told
+    assert digits.shown(values, unit) == text
 
 
 def test_a_margin_is_a_share_of_the_bound_whichever_side_is_the_safe_one():
@@ -187,16 +196,16 @@ def test_a_margin_is_a_share_of_the_bound_whichever_side_is_the_safe_one():
         )
 
 
-def test_what_is_told_in_full_ranks_before_what_fits_as_far_as_is_told():
-    loose = replace(AXIS, wishes=Wishes(life_h=1000.0))
-    told = assess(loose, replace(UNIT, speed_m_s=None))
+def test_an_entry_with_complete_data_ranks_before_one_with_undecided_checks():
+    loose = replace(AXIS, requirements=Requirements(life_h=1000.0))
+    complete = assess(loose, replace(UNIT, speed_m_s=None))
     bare = assess(loose, replace(UNIT, speed_m_s=None, lead_m=0.025, dynamic_load_n=None))
     refused = assess(loose, UNIT)
-    assert told.tightest.margin < bare.tightest.margin
-    assert sorted((refused, bare, told), key=lambda a: a.rank) == [told, bare, refused]
+    assert complete.tightest.margin < bare.tightest.margin
+    assert sorted((refused, bare, complete), key=lambda a: a.rank) == [complete, bare, refused]
 
 
-def test_what_fits_ranks_before_what_does_not_and_a_better_margin_before_a_worse_one():
+def test_an_admissible_entry_ranks_before_a_broken_one_and_a_larger_margin_before_a_smaller_one():
     fits = assess(AXIS, replace(UNIT, speed_m_s=None, lead_class="ISO 5"))
     better = assess(AXIS, replace(UNIT, speed_m_s=None, lead_class="ISO 5", lead_m=0.025))
     worse = assess(AXIS, replace(UNIT, lead_class="ISO 5"))
@@ -223,14 +232,15 @@ def test_classes_are_ordered_and_the_table_covers_half_a_metre():
     assert travel_deviation_m("ISO 7", 0.1) is None
     with pytest.raises(
         PlanError,
-        match="lead_class = 'ISO 8'; must be one of ISO 1, ISO 3, ISO 5, ISO 7, ISO 10, from fine to coarse",
+        match="lead_class = 'ISO 8'; must be one of ISO 1, ISO 3, ISO 5, ISO 7, ISO 10, from fine "
+        "to coarse: take the next finer one",
     ):
         lead_class("ISO 8")
 
 
 # the region
 
-WISHES = Wishes(
+REQUIREMENTS = Requirements(
     life_h=3e8,
     sag_m=5e-5,
     position_error_m=1e-5,
@@ -253,8 +263,8 @@ WISHES = Wishes(
         ("bandwidth", "bandwidth"),
     ],
 )
-def test_a_screw_on_a_line_has_nothing_to_spare_of_its_limit(line, check):
-    axis = replace(AXIS, wishes=WISHES, bearing_n_m=2e8, nut_n_m=2.5e8, carried_kg=2.0)
+def test_a_screw_on_a_limit_curve_has_a_margin_of_0(line, check):
+    axis = replace(AXIS, requirements=REQUIREMENTS, bearing_n_m=2e8, nut_n_m=2.5e8, carried_kg=2.0)
     spread = np.array([0.018, 0.022, 0.03])
     found = next(row for row in region(axis, spread, UNIT).lines if row.name == line)
     points = (
@@ -276,7 +286,7 @@ def test_a_screw_on_a_line_has_nothing_to_spare_of_its_limit(line, check):
 @settings(max_examples=40)
 @given(st.floats(0.004, 0.05), st.floats(0.002, 0.06))
 def test_a_screw_within_the_region_keeps_every_limit_that_has_a_line(d, p):
-    axis = replace(AXIS, wishes=replace(WISHES, life_h=3e7))
+    axis = replace(AXIS, requirements=replace(REQUIREMENTS, life_h=3e7))
     here = region(axis, np.array([d]), UNIT)
     inside = bool(here.low_m[0] <= p <= here.high_m[0])
     checks = by_name(
@@ -322,7 +332,7 @@ def test_a_screw_within_the_region_keeps_every_limit_that_has_a_line(d, p):
         ),
         (
             lambda: replace(SCREW, diameter_m=20.0),
-            r"diameter_m = 20\.0; must be 0\.0001 to 10: read it",
+            r"diameter_m = 20\.0; must be 0\.0001 to 10: give it in metres",
         ),
         (lambda: replace(SCREW, lead_m=-0.02), r"lead_m = -0\.02; must be"),
         (lambda: Move(stroke_m=0.0, time_s=1.0), "stroke_m = 0; must not be 0: leave the move out"),
@@ -347,7 +357,8 @@ def test_a_screw_within_the_region_keeps_every_limit_that_has_a_line(d, p):
         ),
         (
             lambda: replace(MOVES[2], durations_s=(0.2, 0.6, 0.2)),
-            r"cover 0\.6194 m at 0\.7742 m/s; must be 1 s and 0\.6 m: shares of 0\.2 and 0\.25 make 0\.2, 0\.55, 0\.25",
+            r"cover 0\.6194 m at 0\.7742 m/s; must be 1 s and 0\.6 m: lambda_acc = 0\.2 and "
+            r"lambda_dec = 0\.25 give 0\.2, 0\.55, 0\.25",
         ),
         (
             lambda: replace(MOVES[2], durations_s=(0.4, 0.45, 0.25)),
@@ -370,13 +381,13 @@ def test_a_screw_within_the_region_keeps_every_limit_that_has_a_line(d, p):
         ),
         (lambda: Transmission(efficiency=1.1), r"efficiency = 1\.1; must be 0\.001 to 1"),
         (lambda: Transmission(motor_inertia_kg_m2=-1.0), r"motor_inertia_kg_m2 = -1\.0; must be"),
-        (lambda: Shares(whirl=1.5), r"whirl = 1\.5; must be 0\.01 to 1"),
-        (lambda: Shares(service_factor=0.5), r"service_factor = 0\.5; must be 1 to 10"),
-        (lambda: Wishes(lead_class="ISO 6"), "lead_class = 'ISO 6'; must be one of ISO 1"),
-        (lambda: Wishes(life_h=-1.0), r"life_h = -1\.0; must be"),
+        (lambda: Utilisation(whirl=1.5), r"whirl = 1\.5; must be 0\.01 to 1"),
+        (lambda: Utilisation(service_factor=0.5), r"service_factor = 0\.5; must be 1 to 10"),
+        (lambda: Requirements(lead_class="ISO 6"), "lead_class = 'ISO 6'; must be one of ISO 1"),
+        (lambda: Requirements(life_h=-1.0), r"life_h = -1\.0; must be"),
         (
-            lambda: Wishes(position_error_m=1e-5),
-            "position_error_m = 1e-05 with angle_error_rad = None; must be both",
+            lambda: Requirements(position_error_m=1e-5),
+            "position_error_m = 1e-05 with angle_error_rad = None; must be given together",
         ),
         (lambda: replace(UNIT, dynamic_load_n=0.0), r"dynamic_load_n = 0\.0; must be"),
         (lambda: replace(UNIT, lead_class="7"), "lead_class = '7'; .*must be one of ISO 1"),
@@ -393,10 +404,10 @@ def test_a_screw_within_the_region_keeps_every_limit_that_has_a_line(d, p):
         (lambda: Balls(material="cermic"), "material = 'cermic'; did you mean 'ceramic'"),
         (lambda: Balls(limit_m_rpm=0.0), r"limit_m_rpm = 0\.0; must be"),
         (lambda: Transmission(hold="break"), "hold = 'break'; did you mean 'brake'"),
-        (lambda: Shares(preload=0.6), r"preload = 0\.6; must be 0 to 0\.5"),
+        (lambda: Utilisation(preload=0.6), r"preload = 0\.6; must be 0 to 0\.5"),
         (
-            lambda: Wishes(sag_m=0.0),
-            r"sag_m = 0\.0; must be .*: leave it out where nothing is asked",
+            lambda: Requirements(sag_m=0.0),
+            r"sag_m = 0\.0; must be .*: leave it out where nothing is required",
         ),
         (lambda: replace(UNIT, name=" "), "name = ' '; must not be empty"),
         (lambda: replace(UNIT, preload_n=-1.0), r"preload_n = -1\.0; must be"),
@@ -408,6 +419,6 @@ def test_a_screw_within_the_region_keeps_every_limit_that_has_a_line(d, p):
         (lambda: replace(UNIT, ball_circle_m=0.0), r"ball_circle_m = 0\.0; must be"),
     ],
 )
-def test_data_of_no_screw_are_refused_by_name_value_and_bound(call, words):
+def test_invalid_data_are_refused_by_name_value_and_bound(call, words):
     with pytest.raises(PlanError, match=words):
         call()

@@ -1,4 +1,4 @@
-"""Torque and power of a screw's motor with losses, against dense sampling and by hand."""
+"""Torque and power of a screw's motor with losses, against dense sampling and hand calculation."""
 
 from __future__ import annotations
 
@@ -39,7 +39,10 @@ def load_at(slope_deg):
 
 
 def sampled(cycle, load):
-    """Weights, speed, force and torque at the middles of many short steps: the equations written out once more."""
+    """Sample weights, speed, force and torque at the middles of many short steps.
+
+    The equations are written independently of the tested code.
+    """
     tau, eta, drag = 0.01 / (2 * math.pi), 0.8, 0.1
     inertia = 7800 * math.pi * 0.032**4 / 32 * 1.2 + 1e-5
     parts = []
@@ -107,7 +110,7 @@ def test_a_smooth_law_has_its_peak_torque_elsewhere_than_its_largest_force():
 
 
 def test_lowering_a_load_slowly_is_braking():
-    """By hand: 100 kg straight up and down at even speed but for 1 % of the time, with no friction and no loss."""
+    """By hand: 100 kg straight up and down, ramps of 1 % of the time, no friction and no loss."""
     load, free = AxisLoad(mass_kg=100.0, slope_rad=math.pi / 2), Transmission(efficiency=1.0)
     up = Move(stroke_m=1.0, time_s=10.0, lambda_acc=0.01, lambda_dec=0.01)
     down = Move(stroke_m=-1.0, time_s=5.0, lambda_acc=0.01, lambda_dec=0.01)
@@ -129,14 +132,14 @@ def test_lowering_a_load_slowly_is_braking():
     )
 
 
-def test_without_losses_what_is_driven_comes_back():
+def test_the_mean_braking_power_is_the_driving_power_without_losses():
     need = shaft_demand(
         there_and_back("quintic"), AxisLoad(mass_kg=10.0), Transmission(efficiency=1.0), SCREW
     )
     assert need.mean_braking_power_w == pytest.approx(need.mean_driving_power_w, rel=1e-3)
 
 
-def test_a_brake_spares_the_motor_in_the_rests_and_nowhere_else():
+def test_a_brake_relieves_the_motor_in_the_rests_and_nowhere_else():
     cycle, load = there_and_back("trapezoidal"), load_at(90.0)
     held, braked = (
         table(cycle, load, replace(LOSSY, hold=hold), SCREW) for hold in ("motor", "brake")
@@ -152,7 +155,7 @@ def test_a_brake_spares_the_motor_in_the_rests_and_nowhere_else():
     assert heats[0] - heats[1] == pytest.approx(rest.torque_n_m**2 * 0.5 / 2.3, rel=1e-9)
 
 
-def test_a_thousand_equal_moves_ask_what_two_do_and_are_computed_once():
+def test_a_thousand_equal_moves_have_the_demand_of_two_and_are_computed_once():
     few, many = there_and_back("quintic"), Cycle(there_and_back("quintic").moves * 500)
     assert many.instants.weight_s.size == few.instants.weight_s.size
     assert many.duration_s == pytest.approx(500 * few.duration_s)
@@ -168,7 +171,7 @@ def test_a_thousand_equal_moves_ask_what_two_do_and_are_computed_once():
 
 
 def test_a_move_counts_as_often_as_it_occurs():
-    """By hand: forces of friction and inertia alone, twice 0.25 m there and once 0.5 m back."""
+    """By hand: forces of friction and inertia, twice 0.25 m there and once 0.5 m back."""
     short = Move(stroke_m=0.25, time_s=1.0, rest_s=1.0)
     back = Move(stroke_m=-0.5, time_s=1.0)
     need = demand(Cycle((short, short, back)), AxisLoad(mass_kg=10.0, friction_coefficient=0.1))
@@ -191,7 +194,7 @@ def test_a_move_counts_as_often_as_it_occurs():
     st.sampled_from(("quintic", "cycloidal", "trapezoidal")),
 )
 def test_no_loss_makes_power(slope_deg, efficiency, law):
-    """What comes back is less than what was driven, and no more than a screw without losses gives back."""
+    """The braking power is below the driving power and not above that without losses."""
     cycle, load = there_and_back(law), load_at(slope_deg)
     gear = Transmission(efficiency=efficiency, drag_torque_n_m=0.1)
     lossy, free = (

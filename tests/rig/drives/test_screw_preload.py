@@ -1,4 +1,4 @@
-"""What a preload costs: load on the balls, life, drag."""
+"""Effects of a preload: load on the balls, life and drag."""
 
 from __future__ import annotations
 
@@ -26,7 +26,10 @@ def checks_of(axis, candidate):
 
 @given(st.floats(1.0, 1e4))
 def test_a_preloaded_nut_is_two_balls_that_share_a_force(preload):
-    """Hertz: a ball gives way as load^(2/3), and one half is pressed as far as the other is let go. The rule is a fit."""
+    """Hertz: the deflection of a ball is proportional to load^(2/3), equal in both halves.
+
+    The rule is a fit.
+    """
     for share in (0.1, 0.5, 1.0, 2.0, 2.5):
         force = share * preload
 
@@ -58,7 +61,7 @@ def test_more_preload_or_more_force_never_presses_less(preload, force, more):
 
 @pytest.mark.parametrize("preload", [580.0, 1160.0])
 def test_the_preload_is_in_the_life_phase_by_phase(preload):
-    """From the table's forces, constant within each phase, and the way of each."""
+    """By hand from the forces of the table, constant within each phase, and its distances."""
     rows = [
         row
         for row in table(AXIS.cycle, AXIS.load, AXIS.transmission, UNIT.screw(AXIS.mounting))
@@ -81,8 +84,8 @@ def test_the_preload_is_in_the_life_phase_by_phase(preload):
     )
 
 
-def test_the_usual_share_is_for_nuts_that_tell_no_preload():
-    shared = replace(AXIS, shares=replace(AXIS.shares, preload=0.05))
+def test_the_usual_share_is_for_nuts_without_a_preload_of_their_own():
+    shared = replace(AXIS, utilisation=replace(AXIS.utilisation, preload=0.05))
     assert (
         checks_of(shared, UNIT)["life"].value
         == checks_of(AXIS, replace(UNIT, preload_n=580.0))["life"].value
@@ -95,7 +98,7 @@ def test_the_usual_share_is_for_nuts_that_tell_no_preload():
 
 
 def test_a_preload_drags_unless_the_drag_is_given():
-    """0.05 / sqrt(tan beta) F_pr p / 2 pi is some 0.16 N m for 5 % of the unit's rating."""
+    """0.05 / sqrt(tan beta) F_pr p / 2 pi is about 0.16 N m for 5 % of the unit's rating."""
     drag = 0.05 / math.sqrt(0.02 / (math.pi * 0.02)) * 580.0 * 0.02 / (2 * math.pi)
     assert drag_torque_n_m(580.0, 0.02, 0.02) == pytest.approx(drag, rel=1e-12)
     assert drag == pytest.approx(0.16, abs=0.005)
@@ -103,8 +106,8 @@ def test_a_preload_drags_unless_the_drag_is_given():
     loose, dragged = assess(AXIS, UNIT).shaft, assess(AXIS, pressed).shaft
     assert dragged.peak_torque_n_m - loose.peak_torque_n_m == pytest.approx(drag, rel=1e-9)
     given_ = replace(AXIS, transmission=replace(AXIS.transmission, drag_torque_n_m=0.3))
-    told = assess(given_, pressed).shaft
-    assert told.peak_torque_n_m - loose.peak_torque_n_m == pytest.approx(0.3, rel=1e-9)
+    dragged_as_given = assess(given_, pressed).shaft
+    assert dragged_as_given.peak_torque_n_m - loose.peak_torque_n_m == pytest.approx(0.3, rel=1e-9)
 
 
 def test_the_static_load_has_the_preload_in_it():
@@ -114,10 +117,11 @@ def test_the_static_load_has_the_preload_in_it():
     )
 
 
-def test_the_command_says_what_life_the_recommended_preload_would_leave(rig):
+def test_the_command_states_the_life_with_the_recommended_preload(rig):
     def hours(preload):
         return checks_of(AXIS, replace(UNIT, preload_n=preload))["life"].value
 
     _, said, _ = rig("size", "--example", "appendix")
-    words = f"580 to 1160 N, leave a life of {float(f'{hours(580.0):.4g}'):g} to {hours(1160.0):.4g} h of the 300000 h asked for"
+    least, most = (float(f"{hours(preload):.4g}") for preload in (1160.0, 580.0))
+    words = f"580 to 1160 N, leave a life of {most:g} to {least:g} h; required: 300000 h"
     assert words in " ".join(said.split())

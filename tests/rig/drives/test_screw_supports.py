@@ -20,7 +20,10 @@ FREE, SIMPLE, MIXED, FIXED = (
 
 
 def beam(support, elements=120):
-    """Stiffness, mass and geometric matrices of a Hermite beam with E I = rho A = L = P = 1, and where its deflections are."""
+    """Build stiffness, mass and geometric matrices of a Hermite beam with E I = rho A = L = P = 1.
+
+    The last result marks the deflections among its coordinates.
+    """
     n, h = 2 * (elements + 1), 1.0 / elements
     k, m, g = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
     stiff = np.array([[12, 6 * h, -12, 6 * h], [6 * h, 4 * h * h, -6 * h, 2 * h * h]])
@@ -72,7 +75,7 @@ def test_the_coefficients_of_a_support_are_those_of_a_beam_of_finite_elements(na
 
 
 def _uniform(name, elements=120):
-    """A load of 1 per length as forces and moments of the nodes that are not held."""
+    """Compute the forces and moments of the free nodes under a load of 1 per length."""
     n, h = 2 * (elements + 1), 1.0 / elements
     f = np.zeros(n)
     for e in range(elements):

@@ -1,4 +1,7 @@
-"""The published tables: their data, and the source's own metrics on plants and solvers written here anew."""
+"""Published tables: their data, our figures and the verb that prints them.
+
+The source's metrics are checked with plants and solvers that are written here independently.
+"""
 
 from __future__ import annotations
 
@@ -29,8 +32,19 @@ from rig.studies.thesis_tables.exact import exact_metrics
 from rig.studies.thesis_tables.nodes import shaped_nodes, shooting_nodes
 from rig.studies.thesis_tables.ode45 import ode45
 from rig.studies.thesis_tables.published import TABLES, rows
-from rig.studies.thesis_tables.source_metrics import SOURCE_SAMPLE_S, InputNodes, measure, respond
-from rig.studies.thesis_tables.table import PENDULUM, TWO_BARS, compare, planning_time, problem_of
+from rig.studies.thesis_tables.source_metrics import (
+    SOURCE_SAMPLE_S,
+    InputNodes,
+    response,
+    source_metrics,
+)
+from rig.studies.thesis_tables.table import (
+    PENDULUM,
+    TWO_BARS,
+    compare_table,
+    planning_time,
+    problem_of,
+)
 from rig.ui.cli.compare import compare as verb
 
 G, TAU = 9.81, 1 / (20 * math.pi)
@@ -42,7 +56,7 @@ def name_of(row):
 
 
 def pendulum(force=False):
-    """[y, v, theta, omega] of the source's pendulum, (3.1.9) and (3.1.10)."""
+    """Build a and b of the source's pendulum, [y, v, theta, omega], (3.1.9) and (3.1.10)."""
     cart, load = 32.0, 0.7
     a, b = np.zeros((4, 4)), np.array([0.0, 1.0, 0.0, -1.0])
     a[0, 1] = a[2, 3] = 1.0
@@ -53,7 +67,10 @@ def pendulum(force=False):
 
 
 def bars(force=False):
-    """[y, v, theta1, theta2, omega1, omega2] of the source's two bars, (4.1.6) and (4.1.8)."""
+    """Build a and b of the source's two bars, (4.1.6) and (4.1.8).
+
+    The state is [y, v, theta1, theta2, omega1, omega2].
+    """
     length, m, inertia, k, c, cart = 0.5, 3.375, 0.0703125, 10.0, 2.214e-4, 19.522
     mass = np.array(
         [
@@ -78,7 +95,7 @@ def bars(force=False):
 
 
 def filtered(a, b):
-    """The same, driven through the jerk model's filter."""
+    """Add the jerk model's filter to a plant."""
     n = len(b)
     wide = np.zeros((n + 1, n + 1))
     wide[:n, :n], wide[:n, n], wide[n, n] = a, b, -1 / TAU
@@ -86,7 +103,7 @@ def filtered(a, b):
 
 
 def doubly(a, b):
-    """The same with every swing state's response to stretched gravity: the double zero that forgives a wrong length."""
+    """Add the sensitivity of every swing state to gravity: the double zero of a robust plan."""
     n, swing = len(b), slice(2, 4) if len(b) < 6 else slice(2, 6)
     k = swing.stop - 2
     wide = np.zeros((n + k, n + k))
@@ -102,7 +119,7 @@ def state_space(a, b):
 
 
 def exact_nodes(a, b, time_s):
-    """2000 samples of B' exp(A'(T - t)) W^-1 x_f; the Gramian W by doubling, scaled."""
+    """Sample B' exp(A'(T - t)) W^-1 x_f 2000 times; the Gramian W by doubling, scaled."""
     n, h = len(b), time_s / 1024
     van_loan = expm(np.block([[-a, np.outer(b, b)], [np.zeros((n, n)), a.T]]) * h)
     flow = van_loan[n:, n:].T
@@ -119,7 +136,7 @@ def exact_nodes(a, b, time_s):
 
 
 def trapezoidal(a, b, time_s, intervals=200):
-    """State and costate at 201 nodes by the trapezoidal rule on [x; lambda]: (201, 2n)."""
+    """Solve for [x; lambda] at 201 nodes by the trapezoidal rule: (201, 2n)."""
     n, h = len(b), time_s / intervals
     s = np.block([[a, -np.outer(b, b)], [np.zeros((n, n)), -a.T]]) * h / 2
     both = np.eye(2 * n)
@@ -137,15 +154,18 @@ def trapezoidal(a, b, time_s, intervals=200):
 
 @cache
 def ours(two_bars, method, input, robust, time_s, window, samples):
-    """The source's metrics of a row, from the solvers of this file; a loss of a sample matters to the shaped rows alone."""
+    """Compute the source's metrics of a row with the solvers of this file.
+
+    samples has an effect on the shaped rows only.
+    """
     plant = (bars if two_bars else pendulum)(input == "force")
     if method in ("zv", "zvd"):
         halves = (0.820, 0.189) if two_bars else (1.0,)
         nodes = shaped_nodes(0.2, time_s, halves, derivatives=int(method == "zvd"), samples=samples)
-        return measure(state_space(*plant), nodes)
+        return source_metrics(state_space(*plant), nodes)
     if method == "shooting":
         nodes = shooting_nodes(PENDULUM, 0.2, time_s, robust=robust)
-        return measure(state_space(*plant), nodes, window=window)
+        return source_metrics(state_space(*plant), nodes, window=window)
     problem = filtered(*plant) if input == "jerk" else plant
     wide = doubly(*problem) if robust else problem
     speed = input == "force" or (input == "jerk" and two_bars)
@@ -159,7 +179,7 @@ def ours(two_bars, method, input, robust, time_s, window, samples):
         )
     else:
         nodes, driven = exact_nodes(*wide, time_s), problem
-    return measure(
+    return source_metrics(
         state_space(*driven), nodes, window=window, acceleration="speed" if speed else "nodes"
     )
 
@@ -169,7 +189,7 @@ def of_row(row):
 
 
 def off(row):
-    """Columns of a row that our figures leave: 5e-4, residuals 2 %."""
+    """List the columns of a row in which our figures differ: by 5e-4, residuals by 2 %."""
     figures = of_row(row)
     return [
         c
@@ -206,7 +226,7 @@ def test_a_verdict_other_than_reproduced_says_why():
 
 
 def test_a_figure_printed_twice_is_printed_alike():
-    """Once transcribed, the same row of two tables agrees; the source's times do not (table 3.8 against 3.1)."""
+    """Equal rows of two tables agree; the source's computation times do not (3.8 against 3.1)."""
     seen = {}
     for row in ROWS:
         key = (
@@ -231,7 +251,7 @@ def test_a_reproduced_row_is_within_its_tolerances(row):
 
 
 @pytest.mark.parametrize("row", [r for r in ROWS if r.method == "shooting"], ids=name_of)
-def test_shooting_is_reproduced_to_the_printed_digits_its_residual_too(row):
+def test_shooting_is_reproduced_to_the_printed_digits_with_its_residual(row):
     figures = of_row(row)
     assert [figures[column] for column in row.published] == pytest.approx(
         list(row.figures), rel=1e-4
@@ -239,7 +259,7 @@ def test_shooting_is_reproduced_to_the_printed_digits_its_residual_too(row):
 
 
 @pytest.mark.parametrize("row", [r for r in ROWS if r.off], ids=name_of)
-def test_the_columns_off_are_those_named(row):
+def test_the_columns_that_differ_are_those_named(row):
     assert set(off(row)) == set(row.off)
 
 
@@ -266,7 +286,7 @@ def test_a_free_cart_follows_any_broken_line_exactly(gaps, values):
         np.array([[0.0, 1.0], [0.0, 0.0]]),
         np.array([[0.0], [1.0]]),
     )
-    x = respond(plant, InputNodes(t, u), end)
+    x = response(plant, InputNodes(t, u), end)
     at = SOURCE_SAMPLE_S * np.arange(len(x))
     np.testing.assert_allclose(x[:, 1], line.antiderivative()(at), atol=1e-14)
     np.testing.assert_allclose(x[:, 0], line.antiderivative(2)(at), atol=1e-14)
@@ -281,7 +301,7 @@ def test_the_response_agrees_with_an_integrator(plant):
     a, b = plant
     t = np.array([0.0, 0.0123, 0.05, 0.0777, 0.1501])
     u = np.array([1.0, -2.0, 3.0, 0.5, 4.0])
-    x = respond(state_space(a, b), InputNodes(t, u), 0.3)
+    x = response(state_space(a, b), InputNodes(t, u), 0.3)
     state, at = np.zeros(len(b)), 0.0
     for begin, end, left, right in [
         *zip(t[:-1], t[1:], u[:-1], u[1:], strict=True),
@@ -305,9 +325,12 @@ def test_the_response_agrees_with_an_integrator(plant):
 
 
 def test_residuals_are_signed_maxima_after_the_move():
-    """A short kick to the right swings the load left first: the largest signed angle is half a period later."""
+    """A short pulse to the right swings the load to the left first.
+
+    The largest signed angle is half a period later.
+    """
     t = np.array([0.0, 0.001, 0.5])
-    figures = measure(state_space(*pendulum()), InputNodes(t, np.array([10.0, 0.0, 0.0])))
+    figures = source_metrics(state_space(*pendulum()), InputNodes(t, np.array([10.0, 0.0, 0.0])))
     w = math.sqrt(G)
     kick, middle = (
         0.005 / w,
@@ -348,18 +371,18 @@ def test_a_shaper_longer_than_the_move_is_refused():
 
 def test_a_shaped_law_moves_the_cart_and_brings_it_to_rest():
     nodes = shaped_nodes(0.2, 2.5, (0.820, 0.189))
-    x = respond(state_space(*bars()), nodes, 2.5)
+    x = response(state_space(*bars()), nodes, 2.5)
     assert x[-1, 0] == pytest.approx(0.2, abs=1e-4)
     assert x[-1, 1] == pytest.approx(0.0, abs=1e-4)
 
 
 @cache
 def compared(table):
-    return compare(table)
+    return compare_table(table)
 
 
 @pytest.mark.parametrize("table", TABLES)
-def test_what_differs_from_a_published_table_is_what_its_verdicts_say(table):
+def test_the_differences_from_a_published_table_are_those_of_its_verdicts(table):
     for comparison in compared(table):
         assert comparison.as_expected, (
             comparison.row.technique,
@@ -371,7 +394,7 @@ def test_what_differs_from_a_published_table_is_what_its_verdicts_say(table):
 
 @pytest.mark.parametrize("table", TABLES)
 def test_the_projects_solvers_give_the_figures_of_independent_ones(table):
-    """Residuals are differences of nearly equal numbers: 1e-3 and 1e-11 rad; everything else 1e-6."""
+    """Tolerance 1e-6; of residuals, differences of nearly equal numbers, 1e-3 and 1e-11 rad."""
     for comparison in compared(table):
         if comparison.ours:
             figures = of_row(comparison.row)
@@ -380,7 +403,7 @@ def test_the_projects_solvers_give_the_figures_of_independent_ones(table):
                 assert figure == pytest.approx(figures[column], **near), (comparison.row, column)
 
 
-def test_every_row_measured_otherwise_than_the_legend_says_has_a_note():
+def test_every_row_with_definitions_other_than_the_legend_has_a_note():
     notes = {
         (c.row.table, c.row.technique): c.sampling for table in TABLES for c in compared(table)
     }
@@ -410,8 +433,11 @@ def test_every_row_measured_otherwise_than_the_legend_says_has_a_note():
     }
 
 
-def test_a_window_other_than_the_others_is_what_the_printed_figure_shows():
-    """Printed speed RMS = that of the move / sqrt(window): 4 to rounding, 5 within what ode45's own cart still drifts by."""
+def test_an_unusual_window_follows_from_the_printed_figure():
+    """The printed speed RMS is that of the move / sqrt(window).
+
+    Window 4 follows to rounding, window 5 within the residual drift of ode45's cart.
+    """
     for table, technique, near in (
         ("3.3", "bvp5c", 1e-3),
         ("3.4", "bvp5c", 1e-3),
@@ -436,7 +462,7 @@ def test_rows_of_the_same_plan_are_timed_once():
 @pytest.mark.parametrize(
     ("table", "technique"), [("3.5", "ZV"), ("3.7", "ZVD"), ("4.4", "ZVD"), ("4.5", "ZVD")]
 )
-def test_a_dash_of_a_shaper_is_a_move_too_short_for_it(table, technique):
+def test_a_dash_of_a_shaper_is_a_move_shorter_than_the_shaper(table, technique):
     found = [c for c in compared(table) if c.row.technique == technique and not c.row.figures]
     assert [bool(c.ours) or bool(c.exact) for c in found] == [False]
     assert f"time_s = {found[0].row.time_s}; must be > " in found[0].refused
@@ -452,7 +478,8 @@ def test_the_move_the_source_could_not_plan_is_planned():
     assert found.ours["dy_max_m"] == pytest.approx(neighbour.ours["dy_max_m"], rel=5e-4)
 
 
-# source 004's problems solved exactly, by other code: bars, input, robust, T, theta max, dy, v max, v rms, a max, a rms
+# exact solutions of source 004's problems by other code:
+# bars, input, robust, T, theta max, dy, v max, v rms, a max, a rms
 EXACT = [
     (False, "acceleration", False, 2.0, [0.0408949], 0.2, 0.138180, 0.104893, 0.771330, 0.278575),
     (False, "acceleration", False, 1.5, [0.0706171], 0.2, 0.281278, 0.175108, 2.818870, 1.003660),
@@ -515,7 +542,8 @@ def test_the_exact_angles_follow_every_step_of_a_shaped_acceleration(planner, ti
     assert exact_metrics(PENDULUM, move)["theta_max_rad"] == pytest.approx(peak, rel=2e-6)
 
 
-# the same of the jerk model at the 201 nodes of finite differences: robust, T, theta max, dy, v max, v rms(move), a max, a rms
+# likewise of the jerk model at the 201 nodes of finite differences:
+# robust, T, theta max, dy, v max, v rms of the move, a max, a rms
 JERK = [
     (False, 2.0, 0.0420831, 0.2, 0.142844, 0.106030, 0.708199, 0.287228),
     (False, 1.5, 0.0733959, 0.2, 0.296935, 0.181940, 2.39818, 1.04495),
@@ -548,7 +576,7 @@ def test_the_problem_of_a_row_is_what_its_technique_says():
 
 
 def test_the_modes_of_the_loads_are_the_sources():
-    """Driven and free, source 004: 0.4985 Hz; 0.6748 and 2.6420 Hz are those of the free cart, to 0.04 % and 0.14 %."""
+    """Source 004: 0.4985 Hz; 0.6748 and 2.6420 Hz with a free cart, to 0.04 % and 0.14 %."""
     assert PENDULUM.modes().natural_frequencies_hz == pytest.approx([math.sqrt(G) / (2 * math.pi)])
     assert TWO_BARS.modes().natural_frequencies_hz == pytest.approx([0.607958, 2.594118], rel=1e-6)
     assert TWO_BARS.modes("free").natural_frequencies_hz == pytest.approx(
@@ -558,7 +586,7 @@ def test_the_modes_of_the_loads_are_the_sources():
 
 @pytest.fixture(autouse=True)
 def into_a_file(monkeypatch):
-    """Nobody's terminal decides how wide the tables are."""
+    """Print tables as into a file, independent of the terminal's width."""
     monkeypatch.delenv("COLUMNS", raising=False)
     monkeypatch.setattr("sys.stdout.isatty", lambda: False, raising=False)
 
@@ -592,21 +620,21 @@ def test_a_terminal_narrower_than_the_table_gets_a_line_for_each_figure(
     assert figures[1].endswith("≠")
 
 
-def test_several_tables_are_told_with_commas_and_by_chapter(capsys, untimed):
-    def told(words):
+def test_several_tables_are_chosen_with_commas_and_by_chapter(capsys, untimed):
+    def tables_of(words):
         assert verb(words, as_json=True) == 0
         return list(
             dict.fromkeys(row["table"] for row in json.loads(capsys.readouterr().out)["rows"])
         )
 
-    assert told("3.5, 3.2,3.5") == ["3.5", "3.2"]
-    assert told("4") == [table for table in TABLES if table.startswith("4.")]
+    assert tables_of("3.5, 3.2,3.5") == ["3.5", "3.2"]
+    assert tables_of("4") == [table for table in TABLES if table.startswith("4.")]
     for words in ("5", "3.2,", "3.2,sensitivity"):
         with pytest.raises(PlanError, match="table = "):
             verb(words)
 
 
-def test_the_techniques_are_told_in_our_words_and_the_dashes_are_counted(capsys, untimed):
+def test_the_techniques_are_explained_and_the_dashes_are_counted(capsys, untimed):
     assert verb("3.5") == 0
     text = capsys.readouterr().out
     assert "Esponenziale = planner matrix_exponential" in text
@@ -617,7 +645,7 @@ def test_the_techniques_are_told_in_our_words_and_the_dashes_are_counted(capsys,
 
 def test_a_file_in_no_folder_is_refused_before_any_work(tmp_path, monkeypatch):
     monkeypatch.setattr(
-        "rig.studies.thesis_tables.table.compare", lambda *_: pytest.fail("worked first")
+        "rig.studies.thesis_tables.table.compare_table", lambda *_: pytest.fail("worked first")
     )
     with pytest.raises(ConfigError, match=r"--csv .*nowhere"):
         verb("3.2", csv_file=tmp_path / "nowhere" / "table.csv")
@@ -651,8 +679,8 @@ def test_the_verb_writes_a_line_for_each_figure(tmp_path, capsys):
     }
 
 
-def test_the_verb_ends_badly_when_a_row_is_not_what_it_should_be(monkeypatch, capsys):
-    monkeypatch.setattr("rig.studies.thesis_tables.table.INTERVALS", 100)
+def test_the_verb_exits_with_6_when_a_row_differs_from_its_verdict(monkeypatch, capsys):
+    monkeypatch.setattr("rig.studies.thesis_tables.table.SOURCE_INTERVALS", 100)
     assert verb("3.8") == 6
     assert "differs, not nothing" in capsys.readouterr().out
 

@@ -10,7 +10,7 @@ import pytest
 from matplotlib.collections import PolyCollection
 
 from rig.drives.screw.checks import assess
-from rig.drives.screw.requirements import Wishes
+from rig.drives.screw.requirements import Requirements
 from rig.drives.screw.shaft import Mounting
 from rig.studies.sizing.axis_file import example_tables, sizing_of
 from rig.ui.plots.screw_chart import TOLD, draw_region
@@ -59,10 +59,10 @@ def sizes_of(group):
 
 
 def test_the_legend_says_on_which_side_of_each_limit_a_screw_is_admissible(chart):
-    wishes = Wishes(
+    requirements = Requirements(
         life_h=2e7, sag_m=5e-5, position_error_m=1e-5, angle_error_rad=1.5e-3, stiffness_n_m=4e7
     )
-    panel, _ = chart(replace(AXIS, wishes=wishes))
+    panel, _ = chart(replace(AXIS, requirements=requirements))
     assert legend_of(panel)[:9] == [
         "admissible by the lines",
         "whirling: above",
@@ -84,7 +84,7 @@ def test_the_shaded_region_holds_the_screws_that_keep_all_lines_and_no_other(cha
     assert not shaded(panel, 16.0, 16.0)  # whirling
     assert not shaded(panel, 4.0, 40.0)  # buckling and whirling
     capped, _ = chart(
-        replace(AXIS, wishes=Wishes(position_error_m=1e-5, angle_error_rad=2e-3))
+        replace(AXIS, requirements=Requirements(position_error_m=1e-5, angle_error_rad=2e-3))
     )  # 31.4 mm
     assert shaded(capped, 25.0, 30.0)
     assert not shaded(capped, 25.0, 33.0)
@@ -97,7 +97,9 @@ def test_every_screw_is_a_mark_that_says_whether_it_fits(chart):
         [a for a in found if a.admissible]
     )
     assert points_of(panel, "the one judged") == [(20.0, 20.0)]
-    told, all_told = chart(replace(AXIS, wishes=Wishes()), choice=SIZING.catalogue["25x25"])
+    told, all_told = chart(
+        replace(AXIS, requirements=Requirements()), choice=SIZING.catalogue["25x25"]
+    )
     assert points_of(told, "screw that fits") == sizes_of([a for a in all_told if a.admissible])
     assert points_of(told, "the one judged") == [(25.0, 25.0)]
     marks = {line.get_label(): line.get_marker() for line in panel.lines}
@@ -114,7 +116,7 @@ def test_the_star_is_where_the_region_begins(chart):
 
 def test_a_region_that_is_empty_says_so(chart):
     panel, _ = chart(
-        replace(AXIS, wishes=Wishes(position_error_m=1e-5, angle_error_rad=6e-3))
+        replace(AXIS, requirements=Requirements(position_error_m=1e-5, angle_error_rad=6e-3))
     )  # 10.5 mm at most
     assert "no diameter and lead of the chart\nkeep all lines" in written_on(panel)
     assert "admissible by the lines" not in legend_of(panel)
@@ -125,7 +127,9 @@ def test_a_limit_off_the_chart_is_a_note_and_no_line(chart):
     soft = replace(
         AXIS,
         bearing_n_m=1e6,
-        wishes=Wishes(stiffness_n_m=1e7, sag_m=1.0, position_error_m=1.0, angle_error_rad=1.0),
+        requirements=Requirements(
+            stiffness_n_m=1e7, sag_m=1.0, position_error_m=1.0, angle_error_rad=1.0
+        ),
     )
     panel, _ = chart(soft)
     for words in ("stiffness: off the chart, kept nowhere", "sag: off the chart, kept everywhere"):
@@ -137,7 +141,7 @@ def test_a_limit_off_the_chart_is_a_note_and_no_line(chart):
 
 
 def test_the_names_hide_no_mark_and_no_other_name(chart):
-    slow = replace(AXIS, motor=None, wishes=Wishes(lead_class="ISO 5"))
+    slow = replace(AXIS, motor=None, requirements=Requirements(lead_class="ISO 5"))
     for axis in (AXIS, slow):
         panel, found = chart(axis)
         panel.figure.draw_without_rendering()

@@ -17,7 +17,7 @@ from rig.drives.screw.balls import Balls
 from rig.drives.screw.cycle import Cycle, Move
 from rig.drives.screw.load import AxisLoad
 from rig.drives.screw.region import region
-from rig.drives.screw.requirements import Shares, Wishes
+from rig.drives.screw.requirements import Requirements, Utilisation
 from rig.drives.screw.shaft import Mounting
 from rig.drives.screw.supports import SUPPORTS
 from rig.drives.screw.transmission import Transmission
@@ -221,7 +221,7 @@ def test_a_limit_of_balls_beyond_the_usual_is_taken_and_told(rig, told, spec):
         "bound"
     ] == 150.0
     _, said, _ = rig("size", spec(text))
-    assert "d n of 150000 mm rpm is not the 70000 to 120000 of steel balls" in said
+    assert "d n of 150000 mm rpm is outside the usual 70000 to 120000 of steel balls" in said
     assert "d n of" not in rig("size", spec())[1]
 
 
@@ -241,10 +241,10 @@ def test_what_is_asked_and_not_told_makes_the_verdict_doubtful_and_what_is_not_a
     told, spec
 ):
     assert told(spec(SPEC), "--entry", "25x25")["verdict"] == "good"
-    doubtful = told(spec(SPEC + "[wishes]\nlife_h = 1000\n"), "--entry", "25x25")
+    doubtful = told(spec(SPEC + "[requirements]\nlife_h = 1000\n"), "--entry", "25x25")
     assert doubtful["verdict"] == "doubtful"
     assert [reason.partition(":")[0] for reason in doubtful["reasons"]] == ["dynamic load", "life"]
-    with_one_that_tells = told(spec(SPEC + MY_SCREW + "[wishes]\nlife_h = 1000\n"))
+    with_one_that_tells = told(spec(SPEC + MY_SCREW + "[requirements]\nlife_h = 1000\n"))
     assert with_one_that_tells["verdict"] == "good"
 
 
@@ -327,14 +327,14 @@ nut_n_m = 2e8
 [balls]
 material = "ceramic"
 limit_m_rpm = 200
-[shares]
+[utilisation]
 whirl = 0.8
 buckling = 0.55
 balls = 0.9
 bandwidth = 0.6
 service_factor = 1.4
 preload = 0.06
-[wishes]
+[requirements]
 life_h = 1000
 lead_class = "ISO 3"
 travel_deviation_m = 1e-5
@@ -399,10 +399,10 @@ law = "cubic"
             hold="brake",
         ),
         balls=Balls(material="ceramic", limit_m_rpm=200.0),
-        shares=Shares(
+        utilisation=Utilisation(
             whirl=0.8, buckling=0.55, balls=0.9, bandwidth=0.6, service_factor=1.4, preload=0.06
         ),
-        wishes=Wishes(
+        requirements=Requirements(
             life_h=1000.0,
             lead_class="ISO 3",
             travel_deviation_m=1e-5,
@@ -427,7 +427,11 @@ law = "cubic"
 
 def test_what_a_spec_leaves_out_is_what_the_axis_takes_by_itself(spec):
     axis = sizing_of(read_toml(spec(), "sizing")).axis
-    assert (axis.shares, axis.wishes, axis.motor) == (Shares(), Wishes(), None)
+    assert (axis.utilisation, axis.requirements, axis.motor) == (
+        Utilisation(),
+        Requirements(),
+        None,
+    )
     assert axis.mounting == Mounting(length_m=1.0, support=SUPPORTS["fixed-fixed"])
     assert axis.transmission == Transmission()
     assert axis.balls.allowed_m_rpm == 70.0
@@ -437,7 +441,7 @@ def test_without_a_choice_the_catalogue_is_searched(told, spec):
     document = told(spec())
     assert document["choice"] is None
     assert document["admissible"]
-    assert document["criterion"] == "told in full first, then greatest least margin"
+    assert document["criterion"] == "complete data first, then largest minimum margin"
     fits = [row["name"] for row in document["catalogue"] if row["admissible"]]
     assert document["judged"] == fits[0]
     assert {row["name"]: row["state"] for row in document["checks"]}["whirling"] == "kept"
@@ -453,13 +457,13 @@ def test_without_a_choice_the_catalogue_is_searched(told, spec):
     assert document["reasons"][1:] == [
         check["reason"] for check in document["catalogue"][0]["broken"]
     ]
-    assert document["criterion"] == "greatest least margin"
+    assert document["criterion"] == "largest minimum margin"
 
 
 def test_without_a_choice_the_verdict_says_which_screw_is_meant_and_what_is_not_told_of_it(
     rig, told, spec
 ):
-    path = spec(SPEC + "[wishes]\nlife_h = 1000\nlead_class = 'ISO 5'\n")
+    path = spec(SPEC + "[requirements]\nlife_h = 1000\nlead_class = 'ISO 5'\n")
     searched = told(path)
     named = told(path, "--entry", searched["judged"])
     differing = {name for name in searched if searched[name] != named[name]}
@@ -472,10 +476,12 @@ def test_without_a_choice_the_verdict_says_which_screw_is_meant_and_what_is_not_
     ]
     verdict = " ".join(rig("size", path)[1].partition("verdict: ")[2].split())
     assert verdict.startswith(
-        f"{searched['judged']}, best of the 7 that fit (told in full first, then greatest least margin): "
+        f"{searched['judged']}, best of the 7 that fit (complete data first, then largest minimum margin): "
     )
     assert all(reason in verdict for reason in searched["reasons"])
-    told_in_full = told(spec(SPEC + MY_SCREW + "[wishes]\nlife_h = 1000\nlead_class = 'ISO 5'\n"))
+    told_in_full = told(
+        spec(SPEC + MY_SCREW + "[requirements]\nlife_h = 1000\nlead_class = 'ISO 5'\n")
+    )
     assert (told_in_full["judged"], told_in_full["verdict"], told_in_full["reasons"]) == (
         "mine",
         "good",
@@ -518,7 +524,7 @@ def test_a_spec_without_a_choice_is_told_as_tables_too(rig, spec):
     assert code == 0
     assert "least lead of all screws" in said
     assert "20x40, best of the 8 that fit: diameter 20 mm, lead 40 mm" in said
-    last = "verdict: 20x40, best of the 8 that fit (told in full first, then greatest least margin): fits"
+    last = "verdict: 20x40, best of the 8 that fit (complete data first, then largest minimum margin): fits"
     assert " ".join(said.split()).endswith(last)
 
 
@@ -531,8 +537,8 @@ def test_no_line_is_wider_than_the_terminal(rig, monkeypatch, columns):
 
 
 def test_the_chart_is_drawn_with_a_line_for_every_limit_that_is_asked(rig, spec, tmp_path):
-    wishes = "[wishes]\nlife_h = 1e4\nsag_m = 5e-4\nposition_error_m = 2e-5\nangle_error_rad = 3e-3\nbandwidth_rad_s = 300\n"
-    path = spec(SPEC + wishes + MY_SCREW, before='choice = "mine"\n')
+    requirements = "[requirements]\nlife_h = 1e4\nsag_m = 5e-4\nposition_error_m = 2e-5\nangle_error_rad = 3e-3\nbandwidth_rad_s = 300\n"
+    path = spec(SPEC + requirements + MY_SCREW, before='choice = "mine"\n')
     code, _, _ = rig("size", path, "--plot", "chart.svg")
     assert code == 0
     assert "<svg" in (tmp_path / "chart.svg").read_text()
@@ -611,8 +617,12 @@ def test_the_example_s_region_is_bounded_by_the_crossing_that_the_document_tells
         ),
         ("length_m = 1.0", "length_m = 1.0\nnut_n_m = 0", ("[screw] nut_n_m = 0",)),
         ("time_s = 1.0\nlaw", "time_s = 0\nlaw", ("[[move]] 2: time_s = 0",)),
-        ("[axis]", "[wishes]\nsag_m = 0\n[axis]", ("[wishes] sag_m = 0", "leave it out")),
-        ("[axis]", "[shares]\nwhirl = 2\n[axis]", ("[shares] whirl = 2",)),
+        (
+            "[axis]",
+            "[requirements]\nsag_m = 0\n[axis]",
+            ("[requirements] sag_m = 0", "leave it out"),
+        ),
+        ("[axis]", "[utilisation]\nwhirl = 2\n[axis]", ("[utilisation] whirl = 2",)),
         ("[axis]", "[transmission]\nefficiency = 2\n[axis]", ("[transmission] efficiency = 2",)),
         (
             "[axis]",
@@ -621,7 +631,7 @@ def test_the_example_s_region_is_bounded_by_the_crossing_that_the_document_tells
         ),
         (
             "[axis]",
-            '[wishes]\nlead_class = "ISO 2"\n[axis]',
+            '[requirements]\nlead_class = "ISO 2"\n[axis]',
             ("lead_class = 'ISO 2'", "ISO 5, ISO 7, ISO 10"),
         ),
         ("[axis]", "[motor]\npeak_torque_n_m = 1.0\n[axis]", ("[motor]", "missing")),
