@@ -1,0 +1,52 @@
+"""`rig recover`: a complete file from a truncated or damaged log."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import typer
+
+from comms.log_recovery import Recovery, recover
+from rig.errors import OK
+from rig.run.runs import find_log
+from rig.ui.cli.output import out, print_json
+
+
+def recover_log(
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="BROKEN",
+            help="Damaged .mcap file, run folder, part of a run's name, or `last`.",
+        ),
+    ],
+    target: Annotated[Path, typer.Argument(metavar="OUT", help="File to write, .mcap.")],
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")
+    ] = False,
+    runs: Annotated[Path, typer.Option(help="Folder of the run folders.")] = Path("runs"),
+) -> int:
+    """Write every intact record of a truncated or damaged MCAP file to a complete one, and verify it."""
+    found = recover(find_log(name, runs), target)
+    if as_json:
+        print_json({"file": str(target), "whole": found.is_whole, **msgspec.structs.asdict(found)})
+        return OK
+    out.print(
+        f"{target}: {found.messages} messages on {found.channels} channels, "
+        f"{found.attachments} attachments, {found.metadata} metadata records; read back and complete"
+    )
+    for line in _losses(found):
+        out.print(f"  left out: {line}")
+    return OK
+
+
+def _losses(found: Recovery) -> list[str]:
+    counts = (
+        (found.damaged_chunks, "damaged or cut chunks"),
+        (found.damaged_attachments, "damaged attachments"),
+        (found.unreadable_bytes, "bytes that are no record"),
+        (found.messages_without_channel, "messages of a channel whose description is lost"),
+    )
+    return [f"{count} {what}" for count, what in counts if count]
