@@ -1,4 +1,4 @@
 """Communication: messages, bytes, time, task contract, sockets, link model, ledger and log file.
 
-Imports nothing else of ours.
+Imports no other package of the project.
 """

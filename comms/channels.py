@@ -1,4 +1,4 @@
-"""The one table of the wire: who tells whom what, how often, over which transport."""
+"""Channel table: message type, sender, receiver, rate and transport of every channel."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ MS = 1_000_000  # ns
 
 
 class Transport(enum.Enum):
-    """How a channel travels between processes."""
+    """Transport of a channel between processes."""
 
     UDP = "UDP"
     ZMQ = "ZeroMQ push/pull"
@@ -19,17 +19,18 @@ class Transport(enum.Enum):
 
 
 class Channel(NamedTuple):
-    """One channel has one sender, one receiver and one row in the ledger."""
+    """Row of the channel table; a channel has one sender, one receiver and one ledger row."""
 
-    id: int  # on the wire; also the order of messages that arrive at the same instant
+    id: int  # in the header; also the order of messages that arrive at the same instant
     message: type[messages.Message]
     sender: str
     receiver: str
     transport: Transport
     rate_hz: float
-    late_after_ms: float  # older than this when accepted counts as late
+    late_after_ms: float  # a message older than this when accepted counts as late
     about: str
-    wakes: bool = True  # False: read at the receiver's next wake, which is never far; a wake costs more than a message
+    # False: read at the next wake, at most 50 ms later; a wake costs more than a message
+    wakes: bool = True
 
 
 CHANNELS: dict[str, Channel] = {
@@ -51,7 +52,7 @@ CHANNELS: dict[str, Channel] = {
         Transport.BUS,
         0,
         1000,
-        "the answer, with the command's id",
+        "answer with the id of the command",
     ),
     "reference": Channel(
         3,
@@ -61,7 +62,7 @@ CHANNELS: dict[str, Channel] = {
         Transport.UDP,
         100,
         30,
-        "the plan, a position every 10 ms",
+        "planned position, every 10 ms",
     ),
     "setpoint": Channel(
         4,
@@ -71,7 +72,7 @@ CHANNELS: dict[str, Channel] = {
         Transport.UDP,
         200,
         30,
-        "interpolated position for the servos",
+        "interpolated position for the drives",
     ),
     "joint_state": Channel(
         5,
@@ -81,7 +82,7 @@ CHANNELS: dict[str, Channel] = {
         Transport.UDP,
         200,
         30,
-        "what the encoders read",
+        "position and velocity from the encoders",
         wakes=False,
     ),
     "robot_state": Channel(
@@ -103,11 +104,11 @@ CHANNELS: dict[str, Channel] = {
         Transport.UDP,
         100,
         30,
-        "the same, for the picture moves with it",
+        "the same message, to locate the pivot in the image",
         wakes=False,
     ),
     "frame": Channel(
-        8, messages.Frame, "bench", "vision", Transport.ZMQ, 50, 40, "a picture of the cable"
+        8, messages.Frame, "bench", "vision", Transport.ZMQ, 50, 40, "camera image of the cable"
     ),
     "angle": Channel(
         9,
@@ -117,7 +118,7 @@ CHANNELS: dict[str, Channel] = {
         Transport.UDP,
         50,
         80,
-        "cable angle, with its instant",
+        "cable angle with its time stamp",
     ),
     "truth": Channel(
         10,
@@ -127,7 +128,7 @@ CHANNELS: dict[str, Channel] = {
         Transport.ZMQ,
         100,
         1000,
-        "simulated bench only; nothing that acts reads it",
+        "state of the simulated plant; for log and analysis only",
     ),
 }
 
@@ -138,10 +139,10 @@ DATA = tuple(
 
 
 def sent_by(task: str) -> tuple[str, ...]:
-    """Names of the data channels a task sends on."""
+    """List the data channels on which a task sends."""
     return tuple(name for name in DATA if CHANNELS[name].sender == task)
 
 
 def received_by(task: str) -> tuple[str, ...]:
-    """Names of the data channels a task receives on."""
+    """List the data channels on which a task receives."""
     return tuple(name for name in DATA if CHANNELS[name].receiver == task)

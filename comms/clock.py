@@ -1,4 +1,4 @@
-"""The one place that reads the time. Everything else is handed a time, or a clock."""
+"""Clocks: the only module that reads the system time; all others are given a time or a clock."""
 
 from __future__ import annotations
 
@@ -10,40 +10,40 @@ from typing import Protocol
 
 
 class Clock(Protocol):
-    """Nanoseconds of the run clock: 0 = the operator's start."""
+    """Source of the run time [ns]; 0 = start by the operator."""
 
     def now_ns(self) -> int:
-        """Time now [ns]."""
+        """Return the run time [ns]."""
 
 
 class MonotonicClock:
-    """CLOCK_MONOTONIC less the run's zero; the same zero in every process of one host."""
+    """CLOCK_MONOTONIC minus the start of the run; zero_ns is equal in all processes of a host."""
 
     def __init__(self, zero_ns: int) -> None:
         self.zero_ns = zero_ns
 
     def now_ns(self) -> int:
-        """Time now on the run clock [ns]."""
+        """Return the run time [ns]."""
         return time.monotonic_ns() - self.zero_ns
 
 
 def new_run_clock() -> MonotonicClock:
-    """A run clock whose zero is now."""
+    """Create a run clock that starts at 0 now."""
     return MonotonicClock(time.monotonic_ns())
 
 
 def utc_now() -> datetime:
-    """Wall time, for names and metadata only."""
+    """Return the wall time, for names and metadata only."""
     return datetime.now(UTC)
 
 
 def stopwatch_s() -> float:
-    """Seconds from an arbitrary zero, to time computations with."""
+    """Return the time since an arbitrary zero [s], to measure computation times."""
     return time.perf_counter()
 
 
 def cpu_of_s(pid: int) -> float:
-    """Processor seconds a running process has used (user + system); 0 when it is gone."""
+    """Return the processor time of a running process (user + system) [s]; 0 after it exited."""
     try:
         fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
     except OSError:
@@ -52,7 +52,10 @@ def cpu_of_s(pid: int) -> float:
 
 
 def timer_lateness_ns(period_ns: int, ticks: int) -> list[int]:
-    """How late this machine wakes a sleeper on absolute deadlines [ns]; takes ticks * period_ns."""
+    """Measure the wake-up latency on absolute deadlines [ns], one value a tick.
+
+    Takes ticks * period_ns.
+    """
     zero = time.monotonic_ns()
     lateness = []
     for k in range(1, ticks + 1):

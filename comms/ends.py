@@ -1,4 +1,4 @@
-"""The two ends of a channel on the wall clock: sockets, faults, and exactly one counter for each packet."""
+"""Ends of a channel on the wall clock: socket, link faults and the packet counters."""
 
 from __future__ import annotations
 
@@ -15,104 +15,105 @@ from comms.messages import Frame, Message, Reference
 from comms.operator_bus import Context
 from comms.udp import UdpReceiver, UdpSender
 
-CLOSINGS = 3  # copies of the closing datagram
+CLOSING_COPIES = 3  # of the closing datagram, which may be lost
 
 
 class Wiring(msgspec.Struct, frozen=True, kw_only=True):
-    """Where a task's channels go; made by the operator, handed over on standard input."""
+    """Addresses, ports and link faults of a task; the operator writes it to standard input."""
 
     session: int
     seed: int
     zero_ns: int
     host: str
     ports: dict[str, int]
-    commands: str
-    taps: str
+    commands: str  # address of the control socket
+    telemetry: str
     pictures: str
     faults: dict[str, LinkFaults] = {}
     pictures_hz: float = 2.0
-    priority: int = 0  # SCHED_FIFO to ask for, 1..99; 0 = ordinary
+    priority: int = 0  # requested SCHED_FIFO priority, 1..99; 0 = normal scheduling
 
 
-class Out:
-    """The sending end of a channel."""
+class ChannelSender:
+    """Sending end of a channel."""
 
     def __init__(self, name: str, wiring: Wiring, context: Context) -> None:
-        self.name, self._session = name, wiring.session
+        self.name = name
         self.count = LinkCount()
-        self._on_wire = 0
+        self._session = wiring.session
+        self._sent_count = 0  # packets that the socket accepted
         faults = wiring.faults.get(name)
         self._model = LinkModel(faults, wiring.seed, CHANNELS[name].id) if faults else None
-        self._endpoint: Any
+        port = wiring.ports[name]
+        self._socket: Any
         if CHANNELS[name].transport is Transport.UDP:
-            self._endpoint = UdpSender(wiring.host, wiring.ports[name])
+            self._socket = UdpSender(wiring.host, port)
         else:
-            self._endpoint = FrameSender(
-                context, wiring.host, wiring.ports[name], name, wiring.session
-            )
+            self._socket = FrameSender(context, wiring.host, port, name, wiring.session)
 
-    def fate(self, seq: int) -> int | None:
-        """Delay of a packet [ns], or None: lost. Counts it as sent."""
+    def apply_link(self, seq: int) -> int | None:
+        """Count a packet as sent; return its delay by the link model [ns], or None if lost."""
         self.count.sent += 1
         delay_ns = self._model.delay_ns(seq) if self._model else 0
         self.count.lost_link += delay_ns is None
         return delay_ns
 
     def send(self, payload: Frame | bytes) -> None:
-        """Put it on the wire now."""
-        taken = self._endpoint.send(payload)
-        self._on_wire += taken
-        self.count.lost_queue += not taken
+        """Send a packet now; one that the socket does not accept is counted as lost."""
+        accepted = self._socket.send(payload)
+        self._sent_count += accepted
+        self.count.lost_queue += not accepted
 
     def close(self, t_ns: int) -> None:
-        """Tell the receiver how much was put on the wire."""
-        if isinstance(self._endpoint, UdpSender):
-            for _ in range(CLOSINGS):
-                self._endpoint.send(encode_closing(self.name, self._on_wire, t_ns, self._session))
-            self._endpoint.close()
+        """Send the number of packets sent to the receiver, then close the socket."""
+        if isinstance(self._socket, UdpSender):
+            closing = encode_closing(self.name, self._sent_count, t_ns, self._session)
+            for _ in range(CLOSING_COPIES):
+                self._socket.send(closing)
+            self._socket.close()
         else:
-            self._endpoint.close(self._on_wire, t_ns)
+            self._socket.close(self._sent_count, t_ns)
 
 
-class In:
-    """The receiving end of a channel."""
+class ChannelReceiver:
+    """Receiving end of a channel."""
 
     def __init__(self, name: str, wiring: Wiring, context: Context) -> None:
-        self.name, self._session = name, wiring.session
+        self.name = name
         self.count = LinkCount()
         self.receipts: list[tuple[int, int, str]] = []
-        self.closed = False
+        self.closed = False  # the sender's closing message arrived
+        self._session = wiring.session
         self._window = SequenceWindow()
         self._late_ns = round(CHANNELS[name].late_after_ms * MS)
         faults = wiring.faults.get(name)
-        self.delay_ns = round((faults.delay_ms + faults.jitter_ms) * MS) if faults else 0
-        self.endpoint: UdpReceiver | FrameReceiver
+        self.max_delay_ns = round((faults.delay_ms + faults.jitter_ms) * MS) if faults else 0
+        port = wiring.ports[name]
+        self.socket: UdpReceiver | FrameReceiver
         if CHANNELS[name].transport is Transport.UDP:
-            self.endpoint = UdpReceiver(wiring.host, wiring.ports[name], name)
+            self.socket = UdpReceiver(wiring.host, port, name)
         else:
-            self.endpoint = FrameReceiver(
-                context, wiring.host, wiring.ports[name], name, wiring.session
-            )
+            self.socket = FrameReceiver(context, wiring.host, port, name, wiring.session)
 
     def fileno(self) -> int:
-        """For select."""
-        return self.endpoint.fileno()
+        """Return the file descriptor, for select."""
+        return self.socket.fileno()
 
     def read(self, clock: Clock) -> list[Message]:
-        """Messages that arrived and are to be believed; everything is counted."""
-        taken = []
-        for item in self.endpoint.drain():
+        """Read the packets that arrived; count each, return the messages that are accepted."""
+        accepted = []
+        for item in self.socket.drain():
             got = decode(self.name, item, self._session) if isinstance(item, bytes) else item
             message = admit(
                 got, self._window, self.count, self._late_ns, clock.now_ns(), self.receipts
             )
             if message is not None:
-                taken.append(message)
+                accepted.append(message)
             elif isinstance(got, Closing):
                 self.closed = True
-        if isinstance(self.endpoint, UdpReceiver):
-            self.count.lost_kernel = self.endpoint.kernel_drops
-        return taken
+        if isinstance(self.socket, UdpReceiver):
+            self.count.lost_kernel = self.socket.kernel_drops
+        return accepted
 
 
 def admit(
@@ -123,20 +124,25 @@ def admit(
     t_ns: int,
     receipts: list[tuple[int, int, str]],
 ) -> Message | None:
-    """The one gate every received packet passes: exactly one counter goes up, and a receipt is written."""
+    """Accept or reject a received packet; return the message if accepted.
+
+    Exactly one of delivered, duplicated and rejected increases, and a decoded message gets a
+    receipt. A closing message changes nothing. late counts delivered messages older than late_ns.
+    """
     if isinstance(got, Closing):
         return None
     if isinstance(got, Reject):
         count.reject(got.value)
         return None
-    outcome = window.verdict(got.seq)
-    receipts.append((got.seq, t_ns, outcome or ""))
-    if outcome == "duplicate":
+    rejection = window.register(got.seq)
+    receipts.append((got.seq, t_ns, rejection or ""))
+    if rejection == "duplicate":
         count.duplicated += 1
         return None
-    if outcome is not None:
-        count.reject(outcome)
+    if rejection is not None:
+        count.reject(rejection)
         return None
     count.delivered += 1
-    count.late += t_ns - (got.t_target_ns if isinstance(got, Reference) else got.t_ns) > late_ns
+    due_ns = got.t_target_ns if isinstance(got, Reference) else got.t_ns
+    count.late += t_ns - due_ns > late_ns
     return got

@@ -1,13 +1,13 @@
-"""What can go wrong between tasks."""
+"""Exceptions of comms/."""
 
 
 class CommsError(Exception):
-    """Root of everything comms/ raises."""
+    """Root of the exceptions of comms/."""
 
 
 class PortInUse(CommsError):
-    """A socket of ours could not be bound."""
+    """Failure to bind a socket."""
 
 
 class LogError(CommsError):
-    """A file that is not a log of ours, or cannot be read at all."""
+    """File that is not a log of a run, or cannot be read."""

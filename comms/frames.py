@@ -1,4 +1,4 @@
-"""Pictures over ZeroMQ push/pull: head and pixels as two parts, never blocking the sender."""
+"""Camera frames over ZeroMQ push/pull: header and pixels in two parts; sending never blocks."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from comms.codec import Closing, Reject, decode, encode, encode_closing
 from comms.errors import PortInUse
 from comms.messages import Frame
 
-HIGH_WATER = 4  # pictures waiting; at 50 Hz more than that is old news
+HIGH_WATER = 4  # frames in the queue; at 50 Hz the fifth would be 80 ms old
 LINGER_MS = 500
-RECONNECT_MS = 5  # the receiver may bind after we connect; at 50 Hz the queue is full in 80 ms
+RECONNECT_MS = 5  # the receiver may bind after the sender connects; at 50 Hz the queue lasts 80 ms
 
 
 class FrameSender:
-    """Pushes frames to one receiver; a full queue loses the frame and says so."""
+    """Sender of frames to one receiver; a full queue rejects the frame."""
 
     def __init__(
         self,
@@ -36,12 +36,12 @@ class FrameSender:
         self._channel, self._session = channel, session
 
     def send(self, frame: Frame) -> bool:
-        """False when the queue is full (or nobody has connected yet)."""
+        """Send a frame; return False if the queue is full (before the connection too)."""
         head = encode(self._channel, frame, self._session)
         return self._push([head, np.ascontiguousarray(frame.pixels).data])
 
     def close(self, count: int, t_ns: int) -> None:
-        """Say how many frames were sent, and give the socket back."""
+        """Send the number of frames sent, then close the socket."""
         self._push([encode_closing(self._channel, count, t_ns, self._session)])
         self._socket.close()
 
@@ -54,7 +54,7 @@ class FrameSender:
 
 
 class FrameReceiver:
-    """Pulls frames; pixels are a read-only view of the received buffer."""
+    """Receiver of frames; pixels are a read-only view of the received buffer."""
 
     def __init__(
         self,
@@ -73,15 +73,16 @@ class FrameReceiver:
             self._socket.close(0)
             raise PortInUse(
                 f"TCP port {port} on {host} for channel '{channel}': {error}; "
-                "stop what uses it, or set network.base_port to another range (0 = free ports)"
+                "stop the process that uses it, or set network.base_port to another range "
+                "(0 = free ports)"
             ) from error
 
     def fileno(self) -> int:
-        """For select; edge-triggered, so drain until nothing is left."""
+        """Return the file descriptor, for select; edge-triggered, so drain until empty."""
         return int(self._socket.getsockopt(zmq.FD))
 
     def drain(self) -> Iterator[Frame | Closing | Reject]:
-        """Frames waiting now, oldest first."""
+        """Yield the frames received so far, oldest first."""
         while True:
             try:
                 parts = self._socket.recv_multipart(zmq.NOBLOCK, copy=False)
@@ -90,7 +91,7 @@ class FrameReceiver:
             yield self._decode([part.buffer for part in parts])
 
     def close(self) -> None:
-        """Give the port back."""
+        """Close the socket."""
         self._socket.close(0)
 
     def _decode(self, parts: list[memoryview]) -> Frame | Closing | Reject:
@@ -101,13 +102,12 @@ class FrameReceiver:
 
 
 def with_pixels(head: Frame, data: memoryview) -> Frame | Reject:
-    """The frame whose head and pixel bytes came apart."""
+    """Join the header and the pixel bytes of a frame, or give the reason to reject them."""
     planes = {"mono8": 1, "bgr8": 3}.get(head.encoding)
     if planes is None:
         return Reject.OUT_OF_RANGE
     if len(data) != head.height * head.width * planes:
         return Reject.LENGTH
     shape = (head.height, head.width) if planes == 1 else (head.height, head.width, 3)
-    return msgspec.structs.replace(
-        head, pixels=np.frombuffer(data.toreadonly(), dtype=np.uint8).reshape(shape)
-    )
+    pixels = np.frombuffer(data.toreadonly(), dtype=np.uint8).reshape(shape)
+    return msgspec.structs.replace(head, pixels=pixels)

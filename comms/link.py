@@ -1,6 +1,7 @@
-"""What a link does to packets (delay, jitter, loss in bursts) and the ledger that accounts for each one.
+"""Link model (delay, jitter, loss in bursts) and packet ledger.
 
-Randomness is keyed by (seed, channel, sequence number): wall and virtual time lose the same packets.
+The random numbers are keyed by (seed, channel, sequence number): wall and virtual time lose the
+same packets.
 """
 
 from __future__ import annotations
@@ -13,23 +14,22 @@ from msgspec import Meta
 from comms.channels import MS
 
 _MASK = 2**64 - 1
-FOREIGN = frozenset(
-    ("length", "magic", "version", "channel", "session")
-)  # reasons that say: no packet of this link and run
-WINDOW = 64  # sequence numbers remembered behind the newest
+# reject reasons of packets that do not belong to this link and run
+FOREIGN_REASONS = frozenset(("length", "magic", "version", "channel", "session"))
+WINDOW_PACKETS = 64  # sequence numbers stored, the newest and those before it
 
 
 class LinkFaults(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """`[links.NAME]`: what happens to the packets of one channel."""
+    """Delay, jitter and loss of the packets of a channel (`[links.NAME]`)."""
 
     delay_ms: Annotated[float, Meta(ge=0, le=10_000)] = 0.0
     jitter_ms: Annotated[float, Meta(ge=0, le=10_000)] = 0.0  # uniform in 0..jitter_ms, may reorder
     loss: Annotated[float, Meta(ge=0, lt=1)] = 0.0  # share of packets lost
-    burst: Annotated[int, Meta(ge=1, le=1000)] = 1  # packets lost together
+    burst: Annotated[int, Meta(ge=1, le=1000)] = 1  # packets lost in a row
 
 
 class LinkModel:
-    """The fate of each packet of one channel."""
+    """Model of a link: delay or loss of each packet of a channel."""
 
     def __init__(self, faults: LinkFaults, seed: int, channel_id: int) -> None:
         self._delay_ns = round(faults.delay_ms * MS)
@@ -39,24 +39,26 @@ class LinkModel:
         self._key = _mix(_mix(seed & _MASK) ^ channel_id)
 
     def delay_ns(self, seq: int) -> int | None:
-        """Nanoseconds packet seq is under way, or None: it is lost.
+        """Delay of packet seq [ns], or None if the packet is lost.
 
-        Packet n is lost if u(seed, link, k) < p for any k in (n - burst, n], p = 1 - (1 - loss)^(1/burst).
+        Packet n is lost if u(seed, link, k) < p for any k in (n - burst, n], with
+        p = 1 - (1 - loss)^(1/burst).
         """
-        if self._p > 0.0 and any(
-            self._uniform(k, 0) < self._p for k in range(seq, seq - self._burst, -1)
-        ):
+        if self._p > 0.0 and self._is_lost(seq):
             return None
         if self._jitter_ns == 0:
             return self._delay_ns
         return self._delay_ns + int(self._uniform(seq, 1) * self._jitter_ns)
+
+    def _is_lost(self, seq: int) -> bool:
+        return any(self._uniform(k, 0) < self._p for k in range(seq, seq - self._burst, -1))
 
     def _uniform(self, k: int, stream: int) -> float:
         return _mix(self._key ^ ((2 * k + stream) & _MASK)) / 2.0**64
 
 
 def _mix(x: int) -> int:
-    """SplitMix64 (Steele, Lea, Flood 2014): a 64-bit hash with good avalanche."""
+    """Hash a 64-bit number by SplitMix64 (Steele, Lea, Flood 2014)."""
     x = (x + 0x9E3779B97F4A7C15) & _MASK
     x = ((x ^ (x >> 30)) * 0xBF58476D1CE4E5B9) & _MASK
     x = ((x ^ (x >> 27)) * 0x94D049BB133111EB) & _MASK
@@ -64,35 +66,44 @@ def _mix(x: int) -> int:
 
 
 class LinkCount(msgspec.Struct, kw_only=True):
-    """One row of the ledger: sent = delivered + lost + rejected, always; extra copies only in duplicated."""
+    """Row of the ledger: sent = delivered + lost + rejected; copies count in duplicated only."""
 
     sent: int = 0
-    delivered: int = 0  # accepted, late ones among them
+    delivered: int = 0  # accepted, including the late ones
     lost_link: int = 0  # by the link model
-    lost_kernel: int = 0  # by the kernel's own count: no room in the receiver's buffer
-    lost_queue: int = 0  # the sender's queue was full
+    lost_kernel: int = 0  # receive buffer full, counted by the kernel
+    lost_queue: int = 0  # queue of the sender full
     duplicated: int = 0
     late: int = 0
     rejected: dict[str, int] = msgspec.field(default_factory=dict)
 
     @property
     def lost(self) -> int:
-        """Packets that never arrived, whatever the cause."""
+        """Number of lost packets, of all causes."""
         return self.lost_link + self.lost_kernel + self.lost_queue
 
     @property
-    def unexplained(self) -> int:
-        """Zero when the row balances."""
-        ours = sum(n for reason, n in self.rejected.items() if reason not in FOREIGN)
-        return self.sent - self.delivered - self.lost - ours
+    def unaccounted(self) -> int:
+        """Packets sent - delivered - lost - rejected; 0 if the row balances.
+
+        Rejected packets of other links or runs are left out.
+        """
+        rejected = 0
+        for reason, packets in self.rejected.items():
+            if reason not in FOREIGN_REASONS:
+                rejected += packets
+        return self.sent - self.delivered - self.lost - rejected
 
     def reject(self, reason: str) -> None:
-        """Count one packet that was read and not taken."""
+        """Count a packet that was read and rejected."""
         self.rejected[reason] = self.rejected.get(reason, 0) + 1
 
 
-def settle(sender: LinkCount, receiver: LinkCount) -> LinkCount:
-    """One row from its two ends: each counts what it knows, so whatever nobody counted stays unexplained."""
+def merge_counts(sender: LinkCount, receiver: LinkCount) -> LinkCount:
+    """Merge the counts of both ends of a link into one row.
+
+    Each end counts what it observes; a packet that neither counted is unaccounted.
+    """
     return LinkCount(
         sent=sender.sent,
         delivered=receiver.delivered,
@@ -106,20 +117,20 @@ def settle(sender: LinkCount, receiver: LinkCount) -> LinkCount:
 
 
 class SequenceWindow:
-    """Takes each sequence number once, newest first: older ones are `old`, copies are `duplicate`."""
+    """Window of received sequence numbers: rejects older ones as `old`, copies as `duplicate`."""
 
     def __init__(self) -> None:
         self._newest = -1
-        self._seen = 0  # bit k: newest - k was seen
+        self._seen = 0  # bit k: newest - k was received
 
-    def verdict(self, seq: int) -> str | None:
-        """None when seq is new, else why it is not taken."""
+    def register(self, seq: int) -> str | None:
+        """Register a sequence number; return None if it is the newest, else the reject reason."""
         ahead = seq - self._newest
         if ahead > 0:
-            self._seen = ((self._seen << ahead) | 1) & _MASK if ahead < WINDOW else 1
+            self._seen = ((self._seen << ahead) | 1) & _MASK if ahead < WINDOW_PACKETS else 1
             self._newest = seq
             return None
-        if -ahead >= WINDOW:
+        if -ahead >= WINDOW_PACKETS:
             return "old"
         bit = 1 << -ahead
         if self._seen & bit:

@@ -1,4 +1,7 @@
-"""One MCAP file a run: JSON messages with their schemas, readable by any MCAP tool, and by us when cut short."""
+"""Log of a run: one MCAP file of JSON messages with their schemas.
+
+Any MCAP tool can read it; read_log also reads one that is cut short or damaged.
+"""
 
 from __future__ import annotations
 
@@ -19,8 +22,9 @@ from comms.errors import LogError
 from comms.records import CompressedImage
 
 CHUNK_BYTES = 256 * 1024
-DATA_END_BYTES = 13  # the record that carries the checksum of all before it
-DAMAGE = (
+MAX_RECORD_BYTES = 1 << 28
+DATA_END_BYTES = 13  # the record with the checksum of all before it
+DAMAGE_ERRORS = (
     McapError,
     ValueError,
     EOFError,
@@ -34,13 +38,12 @@ SCHEMA_NAMES: dict[type, str] = {CompressedImage: "foxglove.CompressedImage"}
 
 
 class LogWriter:
-    """Writes the log; start metadata is on disk before the first message."""
+    """Writer of the log; the start metadata is on disk before the first message."""
 
     def __init__(self, path: Path, start: dict[str, str]) -> None:
         self._stream: BinaryIO = path.open("wb")
-        index = (
-            IndexType.ATTACHMENT | IndexType.CHUNK | IndexType.METADATA
-        )  # a message index costs more than our messages
+        # no message index: it takes more space than the messages
+        index = IndexType.ATTACHMENT | IndexType.CHUNK | IndexType.METADATA
         self._writer = Writer(
             self._stream, CHUNK_BYTES, CompressionType.ZSTD, index, enable_data_crcs=True
         )
@@ -53,26 +56,26 @@ class LogWriter:
     def write(
         self, topic: str, record: msgspec.Struct, publish_ns: int, log_ns: int, seq: int = 0
     ) -> None:
-        """Append one message: publish_ns = the sender's stamp, log_ns = the recorder's."""
+        """Append a message; publish_ns: time stamp of the sender, log_ns: of the recorder."""
         channel = self._channels.get(topic) or self._register(topic, type(record))
         self._writer.add_message(channel, log_ns, self._encode(record), publish_ns, seq)
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
-        """A file that travels inside the log."""
+        """Attach a file to the log."""
         self._writer.add_attachment(0, 0, name, media_type, data)
 
     def metadata(self, name: str, values: dict[str, str]) -> None:
-        """A named string map, on disk at once."""
+        """Write a named map of strings, and flush it to disk."""
         self._writer.add_metadata(name, values)
         self.flush()
 
     def flush(self) -> None:
-        """What was written survives a kill from here on."""
+        """Flush to disk; what was written before survives a kill of the process."""
         self._writer.flush()  # type: ignore[no-untyped-call]
         self._stream.flush()
 
     def close(self, stop: dict[str, str]) -> None:
-        """Stop metadata last: a file without it is a crashed run."""
+        """Write the stop metadata and close the file; a file without them is a crashed run."""
         self.flush()
         self._writer.add_metadata("run.stop", stop)
         self._writer.finish()  # type: ignore[no-untyped-call]
@@ -89,16 +92,19 @@ class LogWriter:
 
 
 def json_schema(kind: type) -> bytes:
-    """JSON Schema of a message type, its own object on top (some viewers follow no reference there)."""
+    """Create the JSON Schema of a message type, with its object at the top level.
+
+    Some viewers do not resolve a reference there.
+    """
     _, components = msgspec.json.schema_components([kind])
-    top = components.pop(kind.__name__)
-    return msgspec.json.encode(top | ({"$defs": components} if components else {})).replace(
-        b"#/components/schemas/", b"#/$defs/"
-    )
+    schema = components.pop(kind.__name__)
+    if components:
+        schema = schema | {"$defs": components}
+    return msgspec.json.encode(schema).replace(b"#/components/schemas/", b"#/$defs/")
 
 
 class Entry(NamedTuple):
-    """One logged message, undecoded."""
+    """Logged message, not decoded."""
 
     log_ns: int
     publish_ns: int
@@ -106,25 +112,25 @@ class Entry(NamedTuple):
 
 
 class Log(NamedTuple):
-    """A whole log in memory, in file order. complete: run.stop was found and nothing was damaged."""
+    """Log in memory, in file order."""
 
     path: Path
     topics: dict[str, list[Entry]]
     metadata: dict[str, dict[str, str]]
     attachments: dict[str, bytes]
-    complete: bool
-    damage: str
+    complete: bool  # run.stop was found and no damage
+    damage: str  # "" if complete
 
     def read(self, topic: str, kind: type[Any]) -> list[Any]:
-        """Messages of a topic, decoded; [] when there is none."""
+        """Decode the messages of a topic; [] if there is none."""
         decode = msgspec.json.Decoder(kind).decode
         return [decode(entry.data) for entry in self.topics.get(topic, [])]
 
 
 def read_log(path: Path) -> Log:
-    """Read a log; one that was cut short or damaged gives what is left of it, and says so.
+    """Read a log; if it is cut short or damaged, its readable part.
 
-    Raises LogError when the file is missing or is not a log at all.
+    Raises LogError if the file is missing or not a log.
     """
     try:
         data = path.read_bytes()
@@ -134,18 +140,20 @@ def read_log(path: Path) -> Log:
     damage = _read_records(data, log)
     if "run.start" not in log.metadata:
         raise LogError(
-            f"{path}: an MCAP file without 'run.start': not a run of ours, or cut before it began"
+            f"{path}: MCAP file without 'run.start'; need the log of a run, not cut before its "
+            "start: name a run folder or its run.mcap"
         )
-    complete = not damage and "run.stop" in log.metadata
-    return log._replace(
-        complete=complete, damage=damage or ("" if complete else "ends before 'run.stop'")
-    )
+    if not damage and "run.stop" not in log.metadata:
+        damage = "ends before 'run.stop'"
+    return log._replace(complete=not damage, damage=damage)
 
 
 def _read_records(data: bytes, log: Log) -> str:
+    """Read the records of data into log; return the damage, "" if none."""
     topics: dict[int, list[Entry]] = {}
-    stream, damage = BytesIO(data), ""
-    records = StreamReader(stream, emit_chunks=True, record_size_limit=1 << 28).records
+    stream = BytesIO(data)
+    damage = ""
+    records = StreamReader(stream, emit_chunks=True, record_size_limit=MAX_RECORD_BYTES).records
     try:
         for record in records:
             if isinstance(record, Chunk):
@@ -155,35 +163,34 @@ def _read_records(data: bytes, log: Log) -> str:
             elif isinstance(record, Attachment):
                 log.attachments[record.name] = record.data
             elif isinstance(record, DataEnd):
-                damage = damage or _checksum_damage(
-                    record, memoryview(data)[: stream.tell() - DATA_END_BYTES]
-                )
+                section = memoryview(data)[: stream.tell() - DATA_END_BYTES]
+                damage = damage or _checksum_damage(record, section)
                 break
-        for (
-            record
-        ) in records:  # the summary names the channels again, should their chunk be damaged
+        # the summary repeats the channels, which a damaged chunk may have lost
+        for record in records:
             if damage and isinstance(record, Channel):
-                _name(record, log, topics)
+                _add_channel(record, log, topics)
     except InvalidMagic as error:
         if not log.metadata:
             raise LogError(
-                f"{log.path}: not an MCAP file (wrong first bytes); name a run folder or its run.mcap"
+                f"{log.path}: not an MCAP file (wrong first bytes); "
+                "name a run folder or its run.mcap"
             ) from error
         damage = "cut short"
-    except DAMAGE as error:
+    except DAMAGE_ERRORS as error:
         damage = f"cut short ({type(error).__name__})"
     return damage
 
 
 def _checksum_damage(end: DataEnd, data: memoryview) -> str:
-    good = end.data_section_crc in (0, zlib.crc32(data))  # 0: its writer kept none
-    return "" if good else "bytes are not those that were written (checksum of the data)"
+    good = end.data_section_crc in (0, zlib.crc32(data))  # 0: written without a checksum
+    return "" if good else "data changed after writing (wrong checksum)"
 
 
 def _read_chunk(chunk: Chunk, log: Log, topics: dict[int, list[Entry]]) -> str:
     try:
         records = breakup_chunk(chunk, validate_crc=True)
-    except DAMAGE as error:
+    except DAMAGE_ERRORS as error:
         return f"a damaged chunk was left out ({type(error).__name__})"
     for record in records:
         if isinstance(record, Message):
@@ -191,9 +198,9 @@ def _read_chunk(chunk: Chunk, log: Log, topics: dict[int, list[Entry]]) -> str:
                 Entry(record.log_time, record.publish_time, record.data)
             )
         elif isinstance(record, Channel):
-            _name(record, log, topics)
+            _add_channel(record, log, topics)
     return ""
 
 
-def _name(channel: Channel, log: Log, topics: dict[int, list[Entry]]) -> None:
+def _add_channel(channel: Channel, log: Log, topics: dict[int, list[Entry]]) -> None:
     topics[channel.id] = log.topics.setdefault(channel.topic, topics.get(channel.id, []))

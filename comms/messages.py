@@ -1,4 +1,4 @@
-"""The words of the wire: frozen values, SI units in the names, integer nanoseconds of the run clock."""
+"""Message types: frozen values, SI units in the names, times in ns of the run clock (integer)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Velocity = tuple[MetresPerSecond, MetresPerSecond, MetresPerSecond]
 
 
 class Phase(enum.Enum):
-    """Where the controller stands; rig/run/tasks/controller/phase.py holds the one transition function."""
+    """Phase of the controller; transition function in rig/run/tasks/controller/phase.py."""
 
     IDLE = "idle"
     ARMED = "armed"
@@ -30,13 +30,13 @@ class Phase(enum.Enum):
 
 
 class InvalidReason(enum.Enum):
-    """Why a frame gave no angle; `none` when it did."""
+    """Reason why a frame gives no angle; `none` if it gives one."""
 
     NONE = "none"
-    NO_CABLE = "no_cable"  # nothing thin and dark stands out of the noise
-    FEW_ROWS = "few_rows"  # a candidate, but on too few rows to trust
+    NO_CABLE = "no_cable"  # no thin dark line above the noise
+    FEW_ROWS = "few_rows"  # a line, but on too few rows
     PIVOT_MISSED = "pivot_missed"  # a line, but not through the predicted pivot
-    AMBIGUOUS = "ambiguous"  # two lines claim the pivot
+    AMBIGUOUS = "ambiguous"  # two lines through the predicted pivot
     POOR_FIT = "poor_fit"  # rows scatter more than the noise explains
     OUT_OF_RANGE = "out_of_range"  # platform outside the offset table
     NO_PLATFORM = "no_platform"  # platform position unknown at mid-exposure
@@ -44,32 +44,32 @@ class InvalidReason(enum.Enum):
 
 
 class Verb(enum.Enum):
-    """What the operator can ask of a task."""
+    """Command of the operator to a task."""
 
     ARM = "arm"
     START = "start"
     STOP = "stop"
     ESTOP = "estop"
     STATUS = "status"
-    CLOSE = "close"  # to the runner: stop the task, drain, report the ledger, exit
+    CLOSE = "close"  # to the runner: stop the task, drain, send the ledger, exit
 
 
 class Message(msgspec.Struct, frozen=True, gc=False, kw_only=True):
-    """Every message carries its sender's count and stamp."""
+    """Base of all messages: sequence number and time stamp of the sender."""
 
     seq: Seq
     t_ns: TimeNs
 
 
 class Reference(Message, frozen=True, gc=False, kw_only=True):
-    """Where the plan wants the platform at t_target_ns."""
+    """Planned position of the platform at t_target_ns."""
 
     t_target_ns: TimeNs
     position_m: Position
 
 
 class RobotState(Message, frozen=True, gc=False, kw_only=True):
-    """What the controller commands and what the robot does; t_actual_ns stamps the measurement."""
+    """Commanded and actual state of the robot; t_actual_ns is the time of the measurement."""
 
     t_actual_ns: TimeNs
     commanded_m: Position
@@ -79,24 +79,27 @@ class RobotState(Message, frozen=True, gc=False, kw_only=True):
 
 
 class Setpoint(Message, frozen=True, gc=False, kw_only=True):
-    """Interpolated position for the robot's servos."""
+    """Interpolated position for the drives of the robot."""
 
     position_m: Position
 
 
 class JointState(Message, frozen=True, gc=False, kw_only=True):
-    """What the robot's encoders read at t_ns."""
+    """Position and velocity from the encoders of the robot at t_ns."""
 
     position_m: Position
     velocity_m_s: Velocity
 
 
 class Frame(Message, frozen=True, gc=False, kw_only=True):
-    """A picture; t_ns is the end of the exposure. pixels: (height, width) or (height, width, 3) uint8."""
+    """Camera frame; t_ns is the end of the exposure.
+
+    pixels: (height, width) or (height, width, 3), uint8.
+    """
 
     t_exposure_start_ns: TimeNs
     exposure_ns: TimeNs
-    row_ns: TimeNs  # read-out time a row, 0 = global shutter
+    row_ns: TimeNs  # read-out time per row, 0 = global shutter
     camera: str
     encoding: str  # "mono8" (red plane) or "bgr8"
     height: int
@@ -105,11 +108,11 @@ class Frame(Message, frozen=True, gc=False, kw_only=True):
 
 
 class AngleSample(Message, frozen=True, gc=False, kw_only=True):
-    """Cable angle seen by the camera: 0 = hanging, positive = load ahead in +X (image right).
+    """Cable angle from the camera: 0 = hanging, positive = load ahead in +X (image right).
 
-    angle_rad is true for t_valid_ns (offset removed, moving average applied). raw_rad, offset_rad, platform_m,
-    rows, residual_px, pivot_miss_px, background and saturation belong to the newest frame alone.
-    A value that is not there is None, and valid is False.
+    angle_rad holds at t_valid_ns (offset removed, moving average applied). raw_rad, offset_rad,
+    platform_m, rows, residual_px, pivot_miss_px, background and saturation are of the newest
+    frame alone. A missing value is None, and valid is False.
     """
 
     t_valid_ns: TimeNs
@@ -122,15 +125,13 @@ class AngleSample(Message, frozen=True, gc=False, kw_only=True):
     platform_m: Metres | None
     rows: Annotated[int, Meta(ge=0, le=65535)]
     residual_px: Annotated[float, Meta(ge=0.0, le=1e4)] | None
-    pivot_miss_px: (
-        Pixels | None
-    )  # fitted line minus predicted pivot, along image x, at the pivot's row
+    pivot_miss_px: Pixels | None  # fitted line minus predicted pivot, in x, at the pivot's row
     background: Annotated[float, Meta(ge=0.0, le=255.0)]
     saturation: Annotated[float, Meta(ge=0.0, le=1.0)]  # share of pixels at full scale
 
 
 class Truth(Message, frozen=True, gc=False, kw_only=True):
-    """What the simulated world really does at t_ns; read by nothing that acts."""
+    """State of the simulated plant at t_ns; for log and analysis, not for control."""
 
     angle_rad: float
     angular_velocity_rad_s: float
@@ -139,7 +140,7 @@ class Truth(Message, frozen=True, gc=False, kw_only=True):
 
 
 class Command(Message, frozen=True, gc=False, kw_only=True):
-    """An order from the operator; a Reply carries the same id."""
+    """Command of the operator; the Reply has the same id."""
 
     id: int
     to: str
@@ -148,11 +149,11 @@ class Command(Message, frozen=True, gc=False, kw_only=True):
 
 
 class Reply(Message, frozen=True, gc=False, kw_only=True):
-    """A task's answer: done or not, where it stands, and why. id 0 is news nobody asked for."""
+    """Answer of a task: result, phase and reason; id 0 = unsolicited."""
 
     id: int
     sender: str
     ok: bool
     phase: Phase
     text: str = ""
-    exit: int | None = None  # the task wants the run to end with this exit code
+    exit: int | None = None  # exit code with which the task requests the end of the run

@@ -1,35 +1,41 @@
-"""The operator's wires: commands and replies (request/reply), taps of every message, pictures apart.
+"""Operator bus: control socket (request/reply), telemetry socket and picture socket.
 
-Tasks call out to the operator, so a task needs no port of its own for this. Every part is JSON or a datagram of the
-codec; nothing that arrives is executed.
+A task connects to the sockets of the operator and needs no port of its own. Every part is JSON or
+a datagram of the codec; no received data is executed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import msgspec
 import zmq
 
 from comms.channels import CHANNELS
-from comms.codec import LAYOUTS
 from comms.errors import PortInUse
+from comms.layouts import LAYOUTS
 from comms.messages import Command, Reply
 from comms.records import Event, LinkRow, Receipts, TaskTiming
 
-TAP_HIGH_WATER = 1000  # batches, each of up to 50 ms of a task's messages
-PICTURE_HIGH_WATER = 2  # pictures are the first to be dropped
+TELEMETRY_HIGH_WATER = 1000  # batches, each of up to 50 ms of a task's messages
+PICTURE_HIGH_WATER = 2  # pictures are dropped first
 LINGER_MS = 1000
+CLOSE_LINGER_MS = 200  # of the operator's end
+TELEMETRY_PARTS = 2  # channel, datagram
+PICTURE_PARTS = 3  # channel, datagram, pixels
 Context = zmq.Context[zmq.Socket[bytes]]
 
 _RECORDS: dict[str, type] = {kind.__name__: kind for kind in (Receipts, TaskTiming, LinkRow, Event)}
+_HELLO = b"hello"
+_REPLY = b"reply"
+_STREAM_END = b"farewell"
 _encode = msgspec.json.encode
 
 
 class Telemetry(NamedTuple):
-    """A message of a channel as its sender put it on the wire (pixels only with a picture)."""
+    """Copy of a sent message for the log; pixels only on the picture socket."""
 
     channel: str
     data: bytes
@@ -37,50 +43,51 @@ class Telemetry(NamedTuple):
 
 
 class Hello(NamedTuple):
-    """A task's sockets are open; it waits for the first heartbeat."""
+    """Notice that the sockets of a task are open; it waits for the first heartbeat."""
 
 
 class StreamEnd(NamedTuple):
-    """A task has said all it has to say on one of its wires; taps and words travel apart and end apart."""
+    """End of stream on the control or the telemetry socket of a task; each ends on its own."""
 
-    wire: str  # "words" or "taps"
+    socket: Literal["control", "telemetry"]
 
 
 class Record(NamedTuple):
-    """A task's own record for the log."""
+    """Record of a task for the log."""
 
     record: Receipts | TaskTiming | LinkRow | Event
 
 
 class TaskBus:
-    """A task's end: receives commands and heartbeats, sends replies, records and taps."""
+    """Task end: receives commands and heartbeats, sends replies, records and telemetry."""
 
     def __init__(
-        self, context: Context, task: str, commands: str, taps: str, pictures: str
+        self, context: Context, task: str, commands: str, telemetry: str, pictures: str
     ) -> None:
-        self._commands = context.socket(zmq.DEALER)
         self._name = task.encode()
+        self._commands = context.socket(zmq.DEALER)
+        self._telemetry = context.socket(zmq.PUSH)
+        self._pictures = context.socket(zmq.PUSH)
         self._commands.setsockopt(zmq.IDENTITY, self._name)
-        self._taps, self._pictures = context.socket(zmq.PUSH), context.socket(zmq.PUSH)
-        self._taps.setsockopt(zmq.SNDHWM, TAP_HIGH_WATER)
+        self._telemetry.setsockopt(zmq.SNDHWM, TELEMETRY_HIGH_WATER)
         self._pictures.setsockopt(zmq.SNDHWM, PICTURE_HIGH_WATER)
         for socket, address in (
             (self._commands, commands),
-            (self._taps, taps),
+            (self._telemetry, telemetry),
             (self._pictures, pictures),
         ):
             socket.setsockopt(zmq.LINGER, LINGER_MS)
             socket.connect(address)
-        self._tapped: list[bytes] = []  # channel, datagram, channel, datagram ...
-        self.dropped_taps = 0
+        self._batch: list[bytes] = []  # channel, datagram, channel, datagram ...
+        self.dropped_telemetry = 0
         self.dropped_pictures = 0
 
     def fileno(self) -> int:
-        """For select; edge-triggered, so drain until nothing is left."""
+        """Return the descriptor of the control socket, for select; edge-triggered: drain it."""
         return int(self._commands.getsockopt(zmq.FD))
 
     def drain(self) -> Iterator[Command | None]:
-        """Commands waiting now; None is a heartbeat."""
+        """Yield the commands received so far; None is a heartbeat."""
         while True:
             try:
                 data = self._commands.recv(zmq.NOBLOCK)
@@ -89,142 +96,147 @@ class TaskBus:
             yield msgspec.json.decode(data, type=Command) if data else None
 
     def hello(self) -> None:
-        """Our sockets are open."""
-        self._commands.send_multipart([b"hello"])
+        """Notify the operator that the sockets of this task are open."""
+        self._commands.send_multipart([_HELLO])
 
-    def farewell(self) -> None:
-        """Everything is said, and everything is tapped."""
-        self.flush_taps()
+    def end_streams(self) -> None:
+        """Send the end of stream on the telemetry and the control socket."""
+        self.flush_telemetry()
         with suppress(zmq.Again):
-            self._taps.send_multipart([b"farewell", self._name], zmq.NOBLOCK)
-        self._commands.send_multipart([b"farewell"])
+            self._telemetry.send_multipart([_STREAM_END, self._name], zmq.NOBLOCK)
+        self._commands.send_multipart([_STREAM_END])
 
     def reply(self, reply: Reply) -> None:
-        """Answer the operator."""
-        self._commands.send_multipart([b"reply", _encode(reply)])
+        """Send a reply to the operator."""
+        self._commands.send_multipart([_REPLY, _encode(reply)])
 
     def record(self, record: Receipts | TaskTiming | LinkRow | Event) -> None:
-        """Something for the log that must not be lost."""
+        """Send a record for the log; never dropped."""
         self._commands.send_multipart([type(record).__name__.encode(), _encode(record)])
 
-    def tap(self, channel: str, data: bytes) -> None:
-        """A message just sent, for the log; it leaves with the next flush_taps."""
-        self._tapped += (channel.encode(), data)
+    def add_telemetry(self, channel: str, data: bytes) -> None:
+        """Add the copy of a sent message to the batch of the next flush_telemetry."""
+        self._batch += (channel.encode(), data)
 
-    def flush_taps(self) -> None:
-        """Send what was tapped; dropped and counted when the operator cannot follow."""
-        if not self._tapped:
+    def flush_telemetry(self) -> None:
+        """Send the batch of telemetry; drop and count it if the queue is full."""
+        if not self._batch:
             return
         try:
-            self._taps.send_multipart(self._tapped, zmq.NOBLOCK)
+            self._telemetry.send_multipart(self._batch, zmq.NOBLOCK)
         except zmq.Again:
-            self.dropped_taps += len(self._tapped) // 2
-        self._tapped = []
+            self.dropped_telemetry += len(self._batch) // TELEMETRY_PARTS
+        self._batch = []
 
     def picture(self, channel: str, data: bytes, pixels: bytes) -> None:
-        """A picture for the log, on a queue of its own that drops first."""
+        """Send a picture for the log; drop and count it if the queue is full."""
         try:
             self._pictures.send_multipart([channel.encode(), data, pixels], zmq.NOBLOCK)
         except zmq.Again:
             self.dropped_pictures += 1
 
     def close(self) -> None:
-        """Give the sockets back, after what was said is delivered."""
-        for socket in (self._commands, self._taps, self._pictures):
+        """Close the sockets after the delivery of what was sent, within LINGER_MS."""
+        for socket in (self._commands, self._telemetry, self._pictures):
             socket.close()
 
 
 class OperatorBus:
-    """The operator's end; addresses are handed to the tasks."""
+    """Operator end; its addresses are passed to the tasks."""
 
     def __init__(self, context: Context, host: str, port: int = 0) -> None:
-        """port 0 takes free ports; else port, port + 1 and port + 2."""
+        """Bind port, port + 1 and port + 2, or free ports if port is 0."""
         self._commands = context.socket(zmq.ROUTER)
-        self._taps, self._pictures = context.socket(zmq.PULL), context.socket(zmq.PULL)
-        self._taps.setsockopt(zmq.RCVHWM, TAP_HIGH_WATER)
+        self._telemetry = context.socket(zmq.PULL)
+        self._pictures = context.socket(zmq.PULL)
+        self._telemetry.setsockopt(zmq.RCVHWM, TELEMETRY_HIGH_WATER)
         self._pictures.setsockopt(zmq.RCVHWM, PICTURE_HIGH_WATER)
         try:
             self.commands = _bind(self._commands, host, port)
-            self.taps = _bind(self._taps, host, port and port + 1)
+            self.telemetry = _bind(self._telemetry, host, port and port + 1)
             self.pictures = _bind(self._pictures, host, port and port + 2)
         except PortInUse:
             self.close()
             raise
 
     def send(self, command: Command) -> None:
-        """To a task that has spoken before; to others it goes nowhere."""
+        """Send a command to a task; dropped if the task has not sent anything before."""
         self._commands.send_multipart([command.to.encode(), _encode(command)])
 
     def heartbeat(self, task: str) -> None:
-        """Tell a task that the operator lives."""
+        """Send a heartbeat to a task."""
         self._commands.send_multipart([task.encode(), b""])
 
     def answer(self, client: bytes, text: str) -> None:
-        """Answer a second terminal."""
+        """Answer the request of another terminal."""
         self._commands.send_multipart([client, b"", text.encode()])
 
     def wait(self, timeout_ms: int) -> None:
-        """Return when something arrives, or after timeout_ms."""
-        zmq.select([self._commands, self._taps, self._pictures], [], [], timeout_ms / 1000)
+        """Wait until something arrives, at most timeout_ms."""
+        zmq.select([self._commands, self._telemetry, self._pictures], [], [], timeout_ms / 1000)
 
     def drain(self) -> Iterator[tuple[bytes, Hello | StreamEnd | Reply | Record | Telemetry | str]]:
-        """What tasks and terminals said, with who said it; a str is a request of a second terminal."""
-        yield from _drain_taps(self._taps, parts_each=2)
-        yield from _drain_taps(self._pictures, parts_each=3)
+        """Yield (sender, message) of all that arrived; a str is a request of another terminal."""
+        yield from _drain_telemetry(self._telemetry, TELEMETRY_PARTS)
+        yield from _drain_telemetry(self._pictures, PICTURE_PARTS)
         yield from self._drain_commands()
 
     def close(self) -> None:
-        """Give the ports back."""
-        for socket in (self._commands, self._taps, self._pictures):
-            socket.close(200)
+        """Close the sockets and free the ports."""
+        for socket in (self._commands, self._telemetry, self._pictures):
+            socket.close(CLOSE_LINGER_MS)
 
     def _drain_commands(self) -> Iterator[tuple[bytes, Hello | StreamEnd | Reply | Record | str]]:
         while True:
             try:
-                who, *parts = self._commands.recv_multipart(zmq.NOBLOCK)
+                sender, *parts = self._commands.recv_multipart(zmq.NOBLOCK)
             except zmq.Again:
                 return
-            said = _understand(parts)
-            if said is not None:
-                yield who, said
+            message = _decode(parts)
+            if message is not None:
+                yield sender, message
 
 
-def _understand(parts: list[bytes]) -> Hello | StreamEnd | Reply | Record | str | None:
+def _decode(parts: list[bytes]) -> Hello | StreamEnd | Reply | Record | str | None:
+    """Decode the parts of a message on the control socket; None if they are invalid."""
     try:
-        if parts == [b"hello"]:
+        if parts == [_HELLO]:
             return Hello()
-        if parts == [b"farewell"]:
-            return StreamEnd("words")
+        if parts == [_STREAM_END]:
+            return StreamEnd("control")
         if len(parts) == 2 and parts[0] == b"":
             return parts[1].decode()
-        if len(parts) == 2 and parts[0] == b"reply":
+        if len(parts) == 2 and parts[0] == _REPLY:
             return msgspec.json.decode(parts[1], type=Reply)
         if len(parts) == 2 and parts[0].decode() in _RECORDS:
-            return Record(msgspec.json.decode(parts[1], type=_RECORDS[parts[0].decode()]))
+            kind = _RECORDS[parts[0].decode()]
+            return Record(msgspec.json.decode(parts[1], type=kind))
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
         return None
     return None
 
 
-def _drain_taps(
+def _drain_telemetry(
     socket: zmq.Socket[bytes], parts_each: int
 ) -> Iterator[tuple[bytes, StreamEnd | Telemetry]]:
-    """Taps are channel and datagram, pictures have their pixels as a third part; several may come in one message."""
+    """Yield what arrived on a telemetry or picture socket.
+
+    A multipart message holds several copies of parts_each parts: channel, datagram and, for a
+    picture, the pixels.
+    """
     while True:
         try:
             parts = socket.recv_multipart(zmq.NOBLOCK)
         except zmq.Again:
             return
-        if parts[0] == b"farewell" and len(parts) == 2:
-            yield parts[1], StreamEnd("taps")
+        if parts[0] == _STREAM_END and len(parts) == 2:
+            yield parts[1], StreamEnd("telemetry")
             continue
         for k in range(0, len(parts) - parts_each + 1, parts_each):
             channel = parts[k].decode("ascii", "replace")
             if channel in CHANNELS and CHANNELS[channel].message in LAYOUTS:
-                yield (
-                    b"",
-                    Telemetry(channel, parts[k + 1], parts[k + 2] if parts_each == 3 else None),
-                )
+                pixels = parts[k + 2] if parts_each == PICTURE_PARTS else None
+                yield b"", Telemetry(channel, parts[k + 1], pixels)
 
 
 def _bind(socket: zmq.Socket[bytes], host: str, port: int) -> str:
@@ -233,6 +245,7 @@ def _bind(socket: zmq.Socket[bytes], host: str, port: int) -> str:
     except zmq.ZMQError as error:
         raise PortInUse(
             f"TCP port {port} on {host} for the operator's bus: {error}; "
-            "stop what uses it, or set network.base_port to another range (0 = free ports)"
+            "stop the process that uses it, or set network.base_port to another range "
+            "(0 = free ports)"
         ) from error
     return bytes(socket.getsockopt(zmq.LAST_ENDPOINT)).rstrip(b"\0").decode()

@@ -1,4 +1,4 @@
-"""The plan as it is played: what the streamer is given and the log keeps."""
+"""Record of the executed plan, for the streamer and for the log."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from comms.messages import Position
 
 
 class PlanRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """The plan as it is played: positions on a grid from t_start; travels in the log."""
+    """Executed plan: positions on a time grid from t_start; stored in the log."""
 
     planner: str
     distance_m: float
-    time_s: float  # 0 = nothing moves
+    time_s: float  # 0 = no move
     quiet_s: float
     watch_s: float
     positions_m: list[Position]
@@ -21,5 +21,5 @@ class PlanRecord(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def duration_s(self) -> float:
-        """From t_start to the end of the watch."""
+        """Time from t_start to the end of the watch [s]."""
         return self.quiet_s + self.time_s + self.watch_s

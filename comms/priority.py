@@ -1,20 +1,18 @@
-"""Asking the system for a real-time place on the processor: granted to root or CAP_SYS_NICE, done without otherwise."""
+"""Real-time scheduling of a task: granted to root or CAP_SYS_NICE, otherwise left out."""
 
 from __future__ import annotations
 
 import os
 import resource
 
-RUNAWAY_US = (
-    1_000_000,
-    2_000_000,
-)  # a task that computes this long without waiting is stuck, and ended by the kernel
+# RLIMIT_RTTIME, soft and hard: the kernel ends a task that computes this long without waiting
+RUNAWAY_US = (1_000_000, 2_000_000)
 
 
 def take_priority(priority: int) -> bool:
-    """Run this thread and those it starts as SCHED_FIFO (1..99), bounded by RLIMIT_RTTIME; False when not allowed.
+    """Run this thread and those it starts as SCHED_FIFO; return False if not allowed.
 
-    0 asks for nothing.
+    priority: 1..99; 0 leaves the scheduling unchanged. RLIMIT_RTTIME bounds the computing time.
     """
     if priority == 0:
         return False
@@ -27,7 +25,7 @@ def take_priority(priority: int) -> bool:
 
 
 def scheduling_of(pid: int) -> str:
-    """`fifo`, `other` or `gone`: what a process really got."""
+    """Return the actual scheduling of a process: `fifo`, `other` or `gone` (exited)."""
     try:
         return "fifo" if os.sched_getscheduler(pid) == os.SCHED_FIFO else "other"
     except OSError:

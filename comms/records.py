@@ -1,4 +1,4 @@
-"""What the log holds beside the channels: receipts, timing, link rows, frame stamps, events, pictures."""
+"""Log records beside the channels: receipts, timing, link rows, frame stamps, events, pictures."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from comms.link import LinkCount
 
 
 class Receipts(msgspec.Struct, frozen=True, kw_only=True):
-    """The receiver's side of a channel: [seq, t_rx_ns, outcome] of each packet read; outcome "" = delivered."""
+    """Receipts of a channel: [seq, t_rx_ns, outcome] of each packet read; "" = delivered."""
 
     channel: str
     rows: list[tuple[int, int, str]]
 
 
 class TaskTiming(msgspec.Struct, frozen=True, kw_only=True):
-    """How late a task woke, wake by wake [ns], and ticks it skipped for being late, so far."""
+    """Wake-up lateness of a task [ns], one value a wake, and the ticks it skipped so far."""
 
     task: str
     t_ns: int
@@ -24,7 +24,7 @@ class TaskTiming(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class LinkRow(msgspec.Struct, frozen=True, kw_only=True):
-    """One end's count of a channel; the log holds the settled row of both ends."""
+    """Packet counts of one end of a channel; in the log, the merged counts of both ends."""
 
     channel: str
     count: LinkCount
@@ -32,7 +32,7 @@ class LinkRow(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FrameStamp(msgspec.Struct, frozen=True, kw_only=True):
-    """A Frame without its pixels; crc32 is theirs (virtual time only, else 0)."""
+    """Frame without its pixels; crc32 is that of the pixels (in virtual time only, else 0)."""
 
     seq: int
     t_ns: int
@@ -47,7 +47,7 @@ class FrameStamp(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Event(msgspec.Struct, frozen=True, kw_only=True):
-    """Something worth reading later."""
+    """Event of the run with its level and its source."""
 
     t_ns: int
     level: str  # "info" | "warning" | "error"
@@ -56,14 +56,14 @@ class Event(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Stamp(msgspec.Struct, frozen=True, kw_only=True):
-    """foxglove time: seconds and nanoseconds."""
+    """Time of the foxglove schemas: seconds and nanoseconds."""
 
     sec: int
     nsec: int
 
 
 class CompressedImage(msgspec.Struct, frozen=True, kw_only=True):
-    """foxglove.CompressedImage; data travels as base64 in JSON."""
+    """Image of the schema foxglove.CompressedImage; data is base64 in JSON."""
 
     timestamp: Stamp
     frame_id: str

@@ -1,4 +1,4 @@
-"""What a task says to the operator: answers to orders, and news nobody asked for."""
+"""Replies of a task to the operator: answers to commands and unsolicited notices."""
 
 from __future__ import annotations
 
@@ -7,28 +7,28 @@ from comms.task import Send
 
 
 class Replies:
-    """Words one task's replies and counts them."""
+    """Builder of the replies of one task, with their sequence numbers."""
 
     def __init__(self, sender: str) -> None:
         self._sender = sender
         self._seq = 0
 
     def answer(self, order: Command, phase: Phase, t_ns: int, text: str = "") -> Send:
-        """The order is carried out."""
+        """Confirm a command."""
         return self._send(order.id, True, phase, t_ns, text, None)
 
     def refuse(
         self, order: Command, phase: Phase, t_ns: int, text: str, exit: int | None = None
     ) -> Send:
-        """The order is not carried out, and why; exit = the code a run that ends over it should have."""
+        """Refuse a command with the reason; exit: exit code if the run ends because of it."""
         return self._send(order.id, False, phase, t_ns, text, exit)
 
     def tell(self, phase: Phase, t_ns: int, text: str) -> Send:
-        """News that change nothing."""
+        """Send a notice without consequence."""
         return self._send(0, True, phase, t_ns, text, None)
 
     def give_up(self, phase: Phase, t_ns: int, text: str, exit: int) -> Send:
-        """News that end the run with an exit code."""
+        """Request the end of the run with an exit code."""
         return self._send(0, False, phase, t_ns, text, exit)
 
     def _send(

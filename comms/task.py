@@ -1,6 +1,7 @@
-"""The task contract: sans-IO. A task opens no socket, reads no clock, never sleeps.
+"""Task contract, sans-IO: a task opens no socket, reads no clock and never sleeps.
 
-The runner (wall or virtual) hands over messages and ticks with their time and carries out the returned Step.
+The runner (wall or virtual time) passes messages and ticks with their time and executes the
+returned Step.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from comms.messages import Message
 
 
 class Send(NamedTuple):
-    """A message to leave at at_ns (>= now; later = processing time)."""
+    """Message to send at at_ns (>= now; the difference is processing time)."""
 
     channel: str
     message: Message
@@ -20,7 +21,10 @@ class Send(NamedTuple):
 
 
 class Step(NamedTuple):
-    """What a task wants next. wake_ns replaces the wake asked for before; None keeps it."""
+    """Output of a task: messages, next wake, exit code.
+
+    wake_ns replaces the wake requested before; None keeps it.
+    """
 
     sends: Sequence[Send] = ()
     wake_ns: int | None = None
@@ -31,19 +35,19 @@ NO_STEP = Step()
 
 
 class Task(Protocol):
-    """One of the rig's roles. on_tick serves every timer that is due."""
+    """Task of the rig. on_tick serves every timer that is due."""
 
     name: str
-    late_ticks: int  # ticks skipped because the next one was due already
+    late_ticks: int  # ticks skipped because the next one was already due
 
     def start(self, t_ns: int) -> Step:
-        """Called once, before anything else."""
+        """Start the task; called once, before all other methods."""
 
     def on_message(self, channel: str, message: Message, t_ns: int) -> Step:
-        """A message of a channel this task receives (data or command) arrived at t_ns."""
+        """Process a message that arrived at t_ns on a channel of this task (data or command)."""
 
     def on_tick(self, t_ns: int) -> Step:
-        """The wake asked for is due (t_ns may be later than asked)."""
+        """Process the requested wake; t_ns may be later than requested."""
 
     def stop(self, t_ns: int) -> Step:
-        """Last call; what it sends still leaves."""
+        """Stop the task; the last call. The messages of its Step are still sent."""

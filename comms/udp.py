@@ -1,4 +1,4 @@
-"""UDP endpoints: non-blocking, bounded, with the kernel's own count of what it dropped."""
+"""UDP sockets: non-blocking, bounded, with the kernel's count of dropped datagrams."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from comms.errors import PortInUse
 
 MAX_DATAGRAM_BYTES = 2048
 RECEIVE_BUFFER_BYTES = 1 << 20
-DRAIN_LIMIT = 256  # datagrams a pass: a flood may not starve the deadline
+DRAIN_LIMIT = 256  # datagrams a call, so that a flood does not delay the deadlines
 _SO_RXQ_OVFL = 40  # Linux: ancillary count of datagrams dropped for a full receive buffer
 _COUNT = struct.Struct("<I")
 
 
 class UdpSender:
-    """Sends datagrams to one address; a full queue is counted by the caller, not waited for."""
+    """Sender of datagrams to one address; never waits for a full queue."""
 
     def __init__(self, host: str, port: int) -> None:
         self._address = (host, port)
@@ -24,7 +24,7 @@ class UdpSender:
         self._socket.setblocking(False)
 
     def send(self, data: bytes) -> bool:
-        """False when the system would not take the datagram."""
+        """Send a datagram; return False if the system does not accept it."""
         try:
             self._socket.sendto(data, self._address)
         except OSError:
@@ -32,12 +32,15 @@ class UdpSender:
         return True
 
     def close(self) -> None:
-        """Give the socket back."""
+        """Close the socket."""
         self._socket.close()
 
 
 class UdpReceiver:
-    """Receives datagrams on one port. kernel_drops: what the kernel says it threw away for want of room."""
+    """Receiver of datagrams on one port.
+
+    kernel_drops: datagrams dropped for a full receive buffer, counted by the kernel.
+    """
 
     def __init__(self, host: str, port: int, channel: str) -> None:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -50,21 +53,22 @@ class UdpReceiver:
             self._socket.close()
             raise PortInUse(
                 f"UDP port {port} on {host} for channel '{channel}': {error.strerror}; "
-                "stop what uses it, or set network.base_port to another range (0 = free ports)"
+                "stop the process that uses it, or set network.base_port to another range "
+                "(0 = free ports)"
             ) from error
         self.kernel_drops = 0
 
     @property
     def port(self) -> int:
-        """The port bound (useful when asked for port 0)."""
+        """Bound port; the free one chosen by the system if 0 was requested."""
         return int(self._socket.getsockname()[1])
 
     def fileno(self) -> int:
-        """For select."""
+        """Return the file descriptor, for select."""
         return self._socket.fileno()
 
     def drain(self) -> Iterator[bytes]:
-        """Datagrams waiting now, oldest first, at most DRAIN_LIMIT."""
+        """Yield the datagrams received so far, oldest first, at most DRAIN_LIMIT."""
         for _ in range(DRAIN_LIMIT):
             try:
                 data, ancillary, _, _ = self._socket.recvmsg(MAX_DATAGRAM_BYTES, 64)
@@ -76,21 +80,18 @@ class UdpReceiver:
             yield data
 
     def close(self) -> None:
-        """Give the port back."""
+        """Close the socket and free the port."""
         self._socket.close()
 
 
 def free_port(host: str, udp: bool = True) -> int:
-    """A port nobody uses now."""
+    """Find a free port."""
     return free_ports(host, [udp])[0]
 
 
 def free_ports(host: str, udp: list[bool]) -> list[int]:
-    """Ports nobody uses now, all different; True asks for a UDP port, False for a TCP port."""
-    probes = [
-        socket.socket(socket.AF_INET, socket.SOCK_DGRAM if datagrams else socket.SOCK_STREAM)
-        for datagrams in udp
-    ]
+    """Find free ports, all different; udp: True for a UDP port, False for a TCP port."""
+    probes = [_open_socket(datagrams) for datagrams in udp]
     try:
         for probe in probes:
             probe.bind((host, 0))
@@ -101,7 +102,7 @@ def free_ports(host: str, udp: list[bool]) -> list[int]:
 
 
 def receive_buffer_bytes(host: str) -> int:
-    """What the system grants of the receive buffer we ask for."""
+    """Return the receive buffer granted for a request of RECEIVE_BUFFER_BYTES [bytes]."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind((host, 0))
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
@@ -109,8 +110,8 @@ def receive_buffer_bytes(host: str) -> int:
 
 
 def port_is_free(host: str, port: int, udp: bool = True) -> bool:
-    """Whether a port could be bound now."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM if udp else socket.SOCK_STREAM) as probe:
+    """Check if a port can be bound."""
+    with _open_socket(udp) as probe:
         if not udp:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
@@ -118,3 +119,8 @@ def port_is_free(host: str, port: int, udp: bool = True) -> bool:
         except OSError:
             return False
     return True
+
+
+def _open_socket(udp: bool) -> socket.socket:
+    kind = socket.SOCK_DGRAM if udp else socket.SOCK_STREAM
+    return socket.socket(socket.AF_INET, kind)

@@ -1,18 +1,24 @@
-"""docs/wire.md, made from the channel table and the layouts: `python -m comms.wire_page > docs/wire.md`."""
+"""Generator of docs/wire.md, from the channel table and the payload layouts.
+
+Usage: `python -m comms.wire_page > docs/wire.md`.
+"""
 
 from __future__ import annotations
 
 import sys
 
 from comms.channels import CHANNELS, Channel
-from comms.codec import CRC, HEADER, LAYOUTS, MAGIC, VERSION, Bound, Reject, bounds, length
+from comms.codec import CRC, HEADER, MAGIC, VERSION, Reject, length
+from comms.layouts import LAYOUTS, Bound, bounds
 
 HEAD = """# The wire
 
-Made from `comms/channels.py` and `comms/codec.py` by `python -m comms.wire_page > docs/wire.md`; a test holds it to them.
+Generated from `comms/channels.py`, `comms/layouts.py` and `comms/codec.py` by
+`python -m comms.wire_page > docs/wire.md`; a test compares them.
 
-One channel has one sender, one receiver and one row in the ledger: sent = delivered + lost + rejected.
-SI units stand in the names; times are integer nanoseconds of the run clock (0 = the operator's start).
+A channel has one sender, one receiver and one row in the ledger: sent = delivered + lost +
+rejected. SI units stand in the names; times are integer nanoseconds of the run clock (0 = start by
+the operator).
 
 ## Channels
 
@@ -21,7 +27,8 @@ SI units stand in the names; times are integer nanoseconds of the run clock (0 =
 DATAGRAM = f"""
 ## Datagram
 
-Little-endian. Header of {HEADER.size} bytes, payload, CRC-32 (IEEE) of {CRC.size} bytes over all that precedes it.
+Little-endian. Header of {HEADER.size} bytes, payload, CRC-32 (IEEE) of {CRC.size} bytes over
+header and payload.
 
 | field | type | meaning |
 |---|---|---|
@@ -29,18 +36,20 @@ Little-endian. Header of {HEADER.size} bytes, payload, CRC-32 (IEEE) of {CRC.siz
 | version | u8 | {VERSION} |
 | channel | u8 | id of the table above |
 | length | u16 | bytes of the whole datagram |
-| flags | u8 | 1 = closing: no payload, `seq` is the number of datagrams put on the wire |
+| flags | u8 | 1 = closing: no payload, `seq` is the number of datagrams sent |
 | - | u8 | 0 |
-| session | u64 | random for each run; another one is refused |
-| seq | u32 | the sender's count, from 0 |
-| t_ns | i64 | the sender's stamp |
+| session | u64 | random number of the run; another one is rejected |
+| seq | u32 | sequence number of the sender, from 0 |
+| t_ns | i64 | time stamp of the sender |
 
-A value that may be absent travels as NaN. Any other NaN, every infinity and every value out of bounds is refused.
-Refusals are counted under their reason and change nothing: {", ".join(f"`{r.value}`" for r in Reject)}, then `old`
-(an earlier sequence number than one already taken). Copies are counted as duplicated.
+An absent value is NaN. Any other NaN, every infinity and every value out of bounds is rejected.
+Rejected datagrams are counted under their reason and change nothing else:
+{", ".join(f"`{r.value}`" for r in Reject)}, then
+`old` (the sequence number is lower than one already accepted). Copies are counted as duplicated.
 
-A frame travels over ZeroMQ push/pull as two parts: the datagram, then height x width (x 3 for `bgr8`) bytes of pixels.
-Commands and replies are JSON over ZeroMQ; their fields are in `comms/messages.py`.
+A frame is sent over ZeroMQ push/pull in two parts: the datagram, then height x width (x 3 for
+`bgr8`) bytes of pixels. Commands and replies are JSON over ZeroMQ; their fields are in
+`comms/messages.py`.
 
 ## Payloads
 
@@ -49,9 +58,9 @@ TYPES = {"q": "i64", "d": "f64", "B": "u8", "H": "u16", "?": "bool", "s": "text"
 
 
 def page() -> str:
-    """The whole page as Markdown."""
+    """Generate the page as Markdown."""
     rows = [
-        "| id | channel | message | from | to | transport | Hz | late after | |",
+        "| id | channel | message | from | to | transport | Hz | late after | content |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
     rows += [_row(name, c) for name, c in CHANNELS.items()]
@@ -85,37 +94,39 @@ def _payload(name: str, c: Channel) -> str:
         "| field | type | bounds |",
         "|---|---|---|",
     ]
-    for bound, kind in zip(
-        _grouped(bounds(c.message)), _kinds(LAYOUTS[c.message].format), strict=True
-    ):
-        count = f" x {kind[1]}" if kind[1] > 1 else ""
-        lines.append(f"| {bound.name} | {TYPES[kind[0]]}{count} | {_limits(bound, kind[0])} |")
+    fields = _bounds_by_field(bounds(c.message))
+    types = _field_types(LAYOUTS[c.message].format)
+    for bound, (letter, count) in zip(fields, types, strict=True):
+        repeat = f" x {count}" if count > 1 else ""
+        lines.append(f"| {bound.name} | {TYPES[letter]}{repeat} | {_limits(bound, letter)} |")
     return "\n".join(lines) + "\n"
 
 
-def _limits(bound: Bound, kind: str) -> str:
-    if kind in "?s":
+def _limits(bound: Bound, letter: str) -> str:
+    if letter in "?s":
         return ""
     absent = ", or absent" if bound.optional else ""
-    finite = abs(bound.low) < 1e300
-    return (f"{bound.low:g} to {bound.high:g}" if finite else "finite") + absent
+    if abs(bound.low) >= 1e300:  # no bound declared
+        return "finite" + absent
+    return f"{bound.low:g} to {bound.high:g}" + absent
 
 
-def _grouped(found: tuple[Bound, ...]) -> list[Bound]:
-    """One bound a field: a position has three alike."""
+def _bounds_by_field(found: tuple[Bound, ...]) -> list[Bound]:
+    """Reduce the bounds to one a field; the three values of a position have equal ones."""
     return [b for i, b in enumerate(found) if i == 0 or found[i - 1].name != b.name]
 
 
-def _kinds(layout: str) -> list[tuple[str, int]]:
-    """(type, count) of each field of a struct format; letters without a number are single fields."""
-    kinds, number = [], ""
+def _field_types(layout: str) -> list[tuple[str, int]]:
+    """List (letter, count) of the fields of a struct format; without a number, the count is 1."""
+    types = []
+    number = ""
     for letter in layout:
         if letter.isdigit():
             number += letter
             continue
-        kinds.append((letter, 1 if letter == "s" else int(number or 1)))
+        types.append((letter, 1 if letter == "s" else int(number or 1)))
         number = ""
-    return kinds
+    return types
 
 
 if __name__ == "__main__":

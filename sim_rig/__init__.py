@@ -1,4 +1,4 @@
-"""The simulated plant: robot, pendulum, camera and elastic joint; it speaks the bytes of a real rig.
+"""Simulated plant: robot, pendulum, camera and elastic joint, with the messages of a real rig.
 
-Imports comms only, never the planners: belief and truth share no code.
+Imports comms only, never the planners: plant and model share no code.
 """

@@ -1,4 +1,4 @@
-"""The simulated bench as a process."""
+"""Process of the simulated bench."""
 
 import sys
 
@@ -10,7 +10,7 @@ from sim_rig.task import BenchTask
 
 
 def build(settings: bytes) -> BenchTask:
-    """The task from its settings in JSON."""
+    """Create the task from its settings in JSON."""
     return BenchTask(msgspec.json.decode(settings, type=BenchParams))
 
 

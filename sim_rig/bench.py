@@ -1,4 +1,4 @@
-"""The bench: platform and load, stepped to exact instants. No sockets, no clock, no randomness."""
+"""Bench: simulation of platform and load to exact times, without sockets, clock or randomness."""
 
 from __future__ import annotations
 
@@ -7,14 +7,13 @@ from sim_rig.params import BenchParams
 from sim_rig.pendulum import Pendulum
 from sim_rig.robot import Platform
 
-STEP_NS = (
-    1_000_000  # Runge-Kutta at 1 ms: 4e-8 rad after 24 s of jerky setpoints, energy drift 3e-13
-)
-STRETCH_STEPS = 1000  # most steps whose velocities are held in memory at once
+# Runge-Kutta at 1 ms: error 4e-8 rad after 24 s of setpoint steps, energy drift 3e-13
+STEP_NS = 1_000_000
+MAX_BATCH_STEPS = 1000  # steps whose velocities are in memory at the same time
 
 
 class Bench:
-    """The simulated world at `t_ns`; equal calls give equal floats."""
+    """Simulated plant at time `t_ns`; equal calls give equal floats."""
 
     def __init__(self, params: BenchParams, t_ns: int = 0) -> None:
         self.t_ns = t_ns
@@ -24,12 +23,12 @@ class Bench:
 
     @property
     def position_m(self) -> Position:
-        """Where the platform is."""
+        """Position of the platform."""
         return self._platform.position_m
 
     @property
     def velocity_m_s(self) -> Velocity:
-        """How the platform moves."""
+        """Velocity of the platform."""
         return self._platform.velocity_m_s
 
     @property
@@ -39,33 +38,39 @@ class Bench:
 
     @property
     def angular_velocity_rad_s(self) -> float:
-        """Rate of the cable angle."""
+        """Angular velocity of the cable."""
         return self._load.angular_velocity_rad_s
 
-    def setpoint(self, position_m: Position) -> None:
-        """The servos aim at position_m from the present instant on."""
-        self._platform.aim(position_m)
+    def set_setpoint(self, position_m: Position) -> None:
+        """Set the setpoint of the drives, as a step at the present time."""
+        self._platform.set_setpoint(position_m)
 
     def advance(self, t_ns: int) -> None:
-        """Let time run to exactly t_ns, in steps that end on whole milliseconds; raises ValueError when t_ns is past."""
+        """Integrate to exactly t_ns, in steps that end on whole milliseconds.
+
+        Raises ValueError if t_ns is in the past.
+        """
         if t_ns < self.t_ns:
             raise ValueError(
-                f"t_ns = {t_ns} is before the bench's {self.t_ns}: advance in the order of time"
+                f"t_ns = {t_ns}; must be >= {self.t_ns}, the time of the bench: "
+                "advance in the order of time"
             )
         while (left_ns := t_ns - self.t_ns) > 0:
             part_ns = -self.t_ns % STEP_NS or STEP_NS
             if part_ns > left_ns or part_ns < STEP_NS:
-                self._run(min(part_ns, left_ns), 1)
+                self._integrate(min(part_ns, left_ns), 1)
             else:
-                self._run(STEP_NS, min(left_ns // STEP_NS, STRETCH_STEPS))
+                self._integrate(STEP_NS, min(left_ns // STEP_NS, MAX_BATCH_STEPS))
 
-    def _run(self, step_ns: int, steps: int) -> None:
+    def _integrate(self, step_ns: int, steps: int) -> None:
         step_s = step_ns * 1e-9
         if self._platform.still:
-            self._load.hang(step_s, steps)
+            self._load.advance_at_rest(step_s, steps)
         else:
-            x, y, z = self._platform.x, self._platform.y, self._platform.z
-            substep = self._step if step_ns == STEP_NS else self._platform.loop.substep(step_s)
-            self._load.carry(step_s, x.advance(substep, steps), z.advance(substep, steps))
-            y.advance(substep, steps)  # depth: across the plane of the swing
+            platform = self._platform
+            substep = self._step if step_ns == STEP_NS else platform.loop.substep(step_s)
+            vx_m_s = platform.x.advance(substep, steps)
+            vz_m_s = platform.z.advance(substep, steps)
+            self._load.advance(step_s, vx_m_s, vz_m_s)
+            platform.y.advance(substep, steps)  # depth: normal to the plane of the swing
         self.t_ns += steps * step_ns

@@ -1,6 +1,7 @@
-"""Where the camera sees the cable: a pinhole, and the line that the cable becomes in its picture.
+"""Pinhole camera: projection of the cable to a line in the image.
 
-Pixels: column to the right, row down, integers at pixel centres; the optical axis meets the picture at (width / 2, height / 2).
+Pixels: column to the right, row down, integers at pixel centres; the optical axis meets the image
+at (width / 2, height / 2).
 """
 
 from __future__ import annotations
@@ -11,12 +12,13 @@ from typing import NamedTuple
 from comms.messages import Position
 from sim_rig import params
 
-NEAREST_M = 0.01  # nothing closer to the camera's plane is imaged
-LEAST_COS = 0.1  # nor a cable within six degrees of the horizontal: its width would be lost in the steps of cos(tilt)
+MIN_DEPTH_M = 0.01  # distance from the plane of the camera; nothing closer is imaged
+# nor a cable within 6 degrees of the horizontal: its width would be below the steps of cos(tilt)
+MIN_COS_ANGLE = 0.1
 
 
 class CableLine(NamedTuple):
-    """The cable in the picture: column = column_px + slope * row, from pivot_row_px downwards."""
+    """Cable in the image: column = column_px + slope * row, from pivot_row_px downwards."""
 
     column_px: float  # at row 0
     slope: float  # columns per row; positive = lower end towards +X
@@ -24,33 +26,32 @@ class CableLine(NamedTuple):
 
 
 class Pinhole:
-    """A camera distance_m before the home position, looking along +y and pitched down about its x axis."""
+    """Camera at distance_m before the home position, looking along +y, pitched about its x axis."""
 
     def __init__(self, camera: params.CameraParams, view: params.View, home_m: Position) -> None:
-        self._home_m, self._distance_m, self._above_m = (
-            home_m,
-            camera.distance_m,
-            camera.pivot_above_axis_m,
-        )
+        self._home_m = home_m
+        self._distance_m = camera.distance_m
+        self._above_m = camera.pivot_above_axis_m
         self._focal_px = camera.pixels_per_m * camera.distance_m
         self._centre_px = view.width / 2, view.height / 2
-        self._cos, self._sin = (
-            math.cos(math.radians(camera.pitch_deg)),
-            math.sin(math.radians(camera.pitch_deg)),
-        )
+        pitch_rad = math.radians(camera.pitch_deg)
+        self._cos = math.cos(pitch_rad)
+        self._sin = math.sin(pitch_rad)
 
     def line(self, position_m: Position, angle_rad: float) -> CableLine | None:
-        """The cable of a platform at position_m; None when it is behind the camera or does not hang down.
+        """Project the cable of a platform at position_m.
 
-        A point is imaged at centre + focal (right, down) / depth of the camera's frame. Along the cable, depth grows by
-        cos(angle) sin(pitch) and down by cos(angle) cos(pitch) a metre, hence the slope.
+        Returns None if the cable is behind the camera or does not hang down. A point is imaged at
+        centre + focal (right, down) / depth in the frame of the camera. Along the cable, depth
+        increases by cos(angle) sin(pitch) and down by cos(angle) cos(pitch) per metre, which gives
+        the slope.
         """
         right = position_m[0] - self._home_m[0]
         ahead = position_m[1] - self._home_m[1] + self._distance_m
         above = position_m[2] - self._home_m[2] + self._above_m
         depth = ahead * self._cos - above * self._sin
         down = -ahead * self._sin - above * self._cos
-        if min(ahead, depth) < NEAREST_M or math.cos(angle_rad) < LEAST_COS:
+        if min(ahead, depth) < MIN_DEPTH_M or math.cos(angle_rad) < MIN_COS_ANGLE:
             return None
         slope = (math.tan(angle_rad) * depth - right * self._sin) / ahead
         row = self._centre_px[1] + self._focal_px * down / depth

@@ -1,6 +1,6 @@
-"""The elastic joint as a bench: a torque command in, what encoder and accelerometer say out. No clock, no sockets.
+"""Elastic joint with its sensors: encoder and accelerometer readings from torque commands.
 
-The physics are in joint_motion.py; the parameters, and where they come from, in joint_params.py.
+The equations of motion are in joint_motion.py, the parameters and their source in joint_params.py.
 """
 
 from __future__ import annotations
@@ -12,59 +12,65 @@ from typing import NamedTuple
 from sim_rig.joint_motion import JointMotion
 from sim_rig.joint_params import DisturbancePulse, Joint
 
-FASTEST_SPEED_RAD_S = 1e6  # of the motor; beyond, whatever commands it has lost it
+MAX_MOTOR_SPEED_RAD_S = 1e6  # beyond, the controller is unstable
 
 
 class SensorReading(NamedTuple):
-    """What the sensors say."""
+    """Readings of the sensors."""
 
     motor_angle_rad: float
     load_acceleration_rad_s2: float  # at the output shaft
 
 
 class JointTruth(NamedTuple):
-    """What is; for tests and studies, never for a controller."""
+    """State of the simulated joint; for tests and studies, not for a controller."""
 
     t_s: float
     motor_angle_rad: float
     motor_speed_rad_s: float
     load_angle_rad: float  # of the output shaft
     load_speed_rad_s: float
-    applied_torque_n_m: float  # the last command, clipped by the drive
+    applied_torque_n_m: float  # the last command, limited by the drive
     sticking: bool  # dry friction holds the motor
-    integration_error_rad: (
-        float  # how far motor_angle_rad may be from the exact motion, or may have been before
-    )
+    # bound of the error of motor_angle_rad against the exact motion, over all samples so far
+    integration_error_rad: float
 
 
 class ElasticJoint:
-    """Motor, gear and load from rest at zero, advanced by torque commands that are held.
+    """Motor, gear and load, at rest at zero at first; each torque command is held over its sample.
 
-    Exact to rounding: Taylor steps whose truncation is below 1e-17 of their largest term, stopped where the friction switches
-    or a pulse begins or ends. What rounding does is not assumed but shown by a second motion beside the first: after every step
-    it is pushed, always the same way, by twice the rounding unit of the largest term (more where the friction switches).
-    integration_error_rad is the largest distance between the two so far, at the ends of samples; against extended precision
-    it bounds the error. It stays under 1e-9 rad over a second of the listed rig, ripple and friction on.
+    Exact to rounding: Taylor steps whose truncation is below 1e-17 of their largest term, stopped
+    at the switches of the friction and at the edges of the pulses. The effect of rounding is
+    measured with a second, perturbed motion: after every step it is displaced, always in the same
+    direction, by twice the rounding unit of the largest term (more at a switch of the friction).
+    integration_error_rad is the largest difference of the two so far, at the ends of samples;
+    compared with extended precision it bounds the error. It stays under 1e-9 rad over one second of
+    the listed rig, with ripple and friction.
     """
 
     def __init__(self, params: Joint, seed: int = 0) -> None:
         self.params = params
-        self._t_s = self._t_missing_s = self._torque_n_m = self._error_rad = 0.0
-        self._motion, self._nudged = JointMotion(params), JointMotion(params, nudged=True)
-        self._edges_s = sorted(
-            {edge for pulse in params.disturbances for edge in (pulse.start_s, pulse.end_s)}
-        )
+        self._t_s = 0.0
+        self._t_rest_s = 0.0  # rounding error of the sum of the samples (Kahan)
+        self._torque_n_m = 0.0
+        self._error_rad = 0.0
+        self._motion = JointMotion(params)
+        self._perturbed = JointMotion(params, perturbed=True)
+        edges_s = {edge for pulse in params.disturbances for edge in (pulse.start_s, pulse.end_s)}
+        self._edges_s = sorted(edges_s)
         self._random = random.Random(seed)
         self._noise = self._random.gauss()
 
     def advance(self, torque_n_m: float, duration_s: float) -> None:
         """Hold a command for a duration >= 0; each call is a sample of the sensors.
 
-        Raises ValueError for numbers that are not finite, a negative duration, and a motor faster than FASTEST_SPEED_RAD_S.
+        Raises ValueError for numbers that are not finite, a negative duration, and a motor faster
+        than MAX_MOTOR_SPEED_RAD_S.
         """
         if not math.isfinite(torque_n_m):
             raise ValueError(
-                f"torque_n_m = {torque_n_m}; must be finite: look for a division by zero in the controller"
+                f"torque_n_m = {torque_n_m}; must be finite: "
+                "look for a division by zero in the controller"
             )
         if not 0.0 <= duration_s < math.inf:
             raise ValueError(
@@ -72,36 +78,33 @@ class ElasticJoint:
             )
         limit_n_m = self.params.torque_limit_n_m
         self._torque_n_m = min(max(torque_n_m, -limit_n_m), limit_n_m)
-        edges_s = [
-            after_s
-            for edge_s in self._edges_s
-            if self._slack_s < (after_s := self._until_s(edge_s)) < duration_s
-        ]
-        for begin_s, end_s in zip([0.0, *edges_s], [*edges_s, duration_s], strict=True):
-            self._carry(end_s - begin_s)
+        edges_s = [self._until_s(edge_s) for edge_s in self._edges_s]
+        inner_s = [edge_s for edge_s in edges_s if self._time_tolerance_s < edge_s < duration_s]
+        for begin_s, end_s in zip([0.0, *inner_s], [*inner_s, duration_s], strict=True):
+            self._integrate(end_s - begin_s)
         self._noise = self._random.gauss()
 
     def read(self) -> SensorReading:
-        """What the sensors say now; reading again says the same."""
-        params, angle_rad = self.params, self._motion.angle_rad
+        """Read the sensors; a second reading at the same time is the same."""
+        params = self.params
+        angle_rad = self._motion.angle_rad
         _, load_n_m = self._pulses_n_m()
-        seen_rad = angle_rad + params.encoder_ripple_rad * math.sin(
+        read_rad = angle_rad + params.encoder_ripple_rad * math.sin(
             params.encoder_ripple_cycles_per_rev * angle_rad
         )
         if params.encoder_counts_per_rev:
             count_rad = 2.0 * math.pi / params.encoder_counts_per_rev
-            seen_rad = math.floor(seen_rad / count_rad) * count_rad
+            read_rad = math.floor(read_rad / count_rad) * count_rad
         error_rad_s2 = (
             params.accelerometer_bias_rad_s2 + params.accelerometer_noise_rad_s2 * self._noise
         )
-        return SensorReading(
-            seen_rad,
-            self._motion.load_acceleration_rad_s2(load_n_m) / params.gear_ratio + error_rad_s2,
-        )
+        load_rad_s2 = self._motion.load_acceleration_rad_s2(load_n_m) / params.gear_ratio
+        return SensorReading(read_rad, load_rad_s2 + error_rad_s2)
 
     def truth(self) -> JointTruth:
-        """What the joint really does now."""
-        motion, ratio = self._motion, self.params.gear_ratio
+        """Return the state of the joint."""
+        motion = self._motion
+        ratio = self.params.gear_ratio
         return JointTruth(
             t_s=self._t_s,
             motor_angle_rad=motion.angle_rad,
@@ -113,40 +116,45 @@ class ElasticJoint:
             integration_error_rad=self._error_rad,
         )
 
-    def _carry(self, duration_s: float) -> None:
-        """Both motions over a time in which no pulse begins or ends."""
+    def _integrate(self, duration_s: float) -> None:
+        """Integrate both motions over a time without an edge of a pulse."""
         motor_n_m, load_n_m = self._pulses_n_m()
-        for motion in (self._motion, self._nudged):
-            motion.carry(self._torque_n_m + motor_n_m, load_n_m, duration_s)
-        self._error_rad = max(self._error_rad, abs(self._motion.angle_rad - self._nudged.angle_rad))
-        self._pass(duration_s)
+        for motion in (self._motion, self._perturbed):
+            motion.advance(self._torque_n_m + motor_n_m, load_n_m, duration_s)
+        error_rad = abs(self._motion.angle_rad - self._perturbed.angle_rad)
+        self._error_rad = max(self._error_rad, error_rad)
+        self._add_time(duration_s)
         speed_rad_s = abs(self._motion.speed_rad_s)
-        if not speed_rad_s <= FASTEST_SPEED_RAD_S:
+        if not speed_rad_s <= MAX_MOTOR_SPEED_RAD_S:
             raise ValueError(
-                f"motor_speed_rad_s = {speed_rad_s:.3g} at t_s = {self._t_s:g}; must be <= {FASTEST_SPEED_RAD_S:g}: "
-                "the controller is unstable, or torque_limit_n_m is missing"
+                f"motor_speed_rad_s = {speed_rad_s:.3g} at t_s = {self._t_s:g}; "
+                f"must be <= {MAX_MOTOR_SPEED_RAD_S:g}: "
+                "stabilise the controller, or set torque_limit_n_m"
             )
 
     def _pulses_n_m(self) -> tuple[float, float]:
-        """Disturbing torques now, on motor and load, both referred to the motor."""
-        acting = [pulse for pulse in self.params.disturbances if self._acts(pulse)]
-        return sum(p.motor_n_m for p in acting), sum(
-            p.load_n_m for p in acting
-        ) / self.params.gear_ratio
+        """Disturbance torques now, on motor and load, both referred to the motor."""
+        acting = [pulse for pulse in self.params.disturbances if self._is_acting(pulse)]
+        motor_n_m = sum(pulse.motor_n_m for pulse in acting)
+        load_n_m = sum(pulse.load_n_m for pulse in acting)
+        return motor_n_m, load_n_m / self.params.gear_ratio
 
-    def _acts(self, pulse: DisturbancePulse) -> bool:
-        return self._until_s(pulse.start_s) <= self._slack_s < self._until_s(pulse.end_s)
+    def _is_acting(self, pulse: DisturbancePulse) -> bool:
+        start_s = self._until_s(pulse.start_s)
+        end_s = self._until_s(pulse.end_s)
+        return start_s <= self._time_tolerance_s < end_s
 
     @property
-    def _slack_s(self) -> float:
-        """An edge so near is now: it and the sum of the samples are rounded."""
+    def _time_tolerance_s(self) -> float:
+        """Rounding error of an edge and of the sum of the samples; an edge closer is now."""
         return 4.0 * math.ulp(self._t_s)
 
     def _until_s(self, instant_s: float) -> float:
-        return (instant_s - self._t_s) - self._t_missing_s
+        return (instant_s - self._t_s) - self._t_rest_s
 
-    def _pass(self, duration_s: float) -> None:
-        """Time goes by; what rounding leaves out is kept (Kahan)."""
-        more_s = duration_s + self._t_missing_s
-        before_s, self._t_s = self._t_s, self._t_s + more_s
-        self._t_missing_s = more_s - (self._t_s - before_s)
+    def _add_time(self, duration_s: float) -> None:
+        """Add a duration to the time by compensated summation (Kahan)."""
+        more_s = duration_s + self._t_rest_s
+        before_s = self._t_s
+        self._t_s = before_s + more_s
+        self._t_rest_s = more_s - (self._t_s - before_s)

@@ -1,6 +1,7 @@
-"""The truth about the simulated elastic joint: motor, harmonic drive, load, and the sensors on them.
+"""Parameters of the simulated elastic joint: motor, harmonic drive, load and their sensors.
 
-The defaults are the rig listed in source 001, section "risultati sperimentali". A Joint that exists is valid.
+The defaults are the rig listed in source 001, section "risultati sperimentali". A Joint that exists
+is valid.
 """
 
 from __future__ import annotations
@@ -12,7 +13,9 @@ from typing import Annotated, get_type_hints
 import msgspec
 from msgspec import Meta
 
-FASTEST_RAD_S = 1e5  # of any mode: beyond, a step of the bench is under 10 us and a simulated second takes a minute
+# natural frequency or decay rate of a mode; beyond, a step is under 10 us and a simulated second
+# takes a minute
+MAX_RATE_RAD_S = 1e5
 
 Inertia = Annotated[float, Meta(ge=1e-12, le=1e6, description="give it in kg m2")]
 Ratio = Annotated[
@@ -31,11 +34,14 @@ Angle = Annotated[float, Meta(ge=0.0, le=1.0, description="give it in rad, 0 for
 Counts = Annotated[int, Meta(ge=0, le=2**40, description="0 for an encoder without steps")]
 Noise = Annotated[float, Meta(ge=0.0, le=1e6, description="rms in rad/s2, 0 for none")]
 Bias = Annotated[float, Meta(ge=-1e6, le=1e6, description="give it in rad/s2")]
-Instant = Annotated[float, Meta(ge=0.0, le=1e6, description="seconds since the bench began")]
+Instant = Annotated[float, Meta(ge=0.0, le=1e6, description="seconds since the start of the bench")]
 
 
 class DisturbancePulse(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A disturbance: constant torques on motor and load over start_s <= t < end_s. Raises ValueError, as Joint does."""
+    """Disturbance pulse: constant torques on motor and load over start_s <= t < end_s.
+
+    Raises ValueError, as Joint does.
+    """
 
     start_s: Instant
     end_s: Instant
@@ -46,15 +52,16 @@ class DisturbancePulse(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
         _check_fields(self)
         if not self.end_s > self.start_s:
             raise ValueError(
-                f"end_s = {self.end_s} of a disturbance; must be > start_s = {self.start_s}: were they exchanged?"
+                f"end_s = {self.end_s} of a disturbance; must be > start_s = {self.start_s}: "
+                "exchange them, or give a later end"
             )
 
 
 class Joint(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Two masses and a spring; ripple, friction and sensor errors are off until they are given.
+    """Two masses and a spring; ripple, friction and sensor errors are 0 by default.
 
-    Raises ValueError naming key, value, bound and what to do; also for a mode faster than FASTEST_RAD_S, and for an encoder
-    ripple so steep that the reading would run backwards.
+    Raises ValueError naming key, value, bound and next step; also for a mode faster than
+    MAX_RATE_RAD_S, and for an encoder ripple so steep that the reading decreases.
     """
 
     motor_inertia_kg_m2: Inertia = 1.5e-4
@@ -62,53 +69,53 @@ class Joint(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     gear_ratio: Ratio = 100.0
     motor_friction_n_m_s_rad: Friction = 3.4e-3  # viscous
     load_friction_n_m_s_rad: Friction = 0.0  # viscous, at the output shaft
-    stiffness_n_m_rad: Stiffness = (
-        3.1  # of the spring between motor angle and gear_ratio x load angle, referred to the motor
-    )
-    elastic_damping_n_m_s_rad: Friction = 2.2e-3  # beside that spring
-    torque_limit_n_m: Limit = math.inf  # the drive clips the command
-    torque_ripple_n_m: Torque = (
-        0.0  # x sin(cycles_per_rev x motor angle + phase), pushing the motor
-    )
+    # of the spring between motor angle and gear_ratio x load angle, referred to the motor
+    stiffness_n_m_rad: Stiffness = 3.1
+    elastic_damping_n_m_s_rad: Friction = 2.2e-3  # in parallel with that spring
+    torque_limit_n_m: Limit = math.inf  # the drive limits the command
+    # x sin(cycles_per_rev x motor angle + phase), on the motor
+    torque_ripple_n_m: Torque = 0.0
     torque_ripple_cycles_per_rev: Cycles = 2.0  # a wave generator has two lobes
     torque_ripple_phase_rad: PhaseAngle = 0.0
     coulomb_torque_n_m: Torque = 0.0  # dry friction at the motor
-    encoder_ripple_rad: Angle = (
-        0.0  # x sin(cycles_per_rev x motor angle), added to what the encoder reads
-    )
+    # x sin(cycles_per_rev x motor angle), added to the reading
+    encoder_ripple_rad: Angle = 0.0
     encoder_ripple_cycles_per_rev: Cycles = 1.0  # an eccentric disc
     encoder_counts_per_rev: Counts = 8192
-    accelerometer_noise_rad_s2: Noise = 0.0  # white, a new value each sample
+    accelerometer_noise_rad_s2: Noise = 0.0  # white, one value a sample
     accelerometer_bias_rad_s2: Bias = 0.0
     disturbances: tuple[DisturbancePulse, ...] = ()
 
     def __post_init__(self) -> None:
         _check_fields(self)
         for key, rate_rad_s in self._rates_rad_s().items():
-            if rate_rad_s > FASTEST_RAD_S:
+            if rate_rad_s > MAX_RATE_RAD_S:
                 raise ValueError(
-                    f"{key} = {getattr(self, key)} makes a mode of {rate_rad_s:.3g} rad/s; must be <= {FASTEST_RAD_S:g} rad/s: "
+                    f"{key} = {getattr(self, key)} gives a mode of {rate_rad_s:.3g} rad/s; "
+                    f"must be <= {MAX_RATE_RAD_S:g} rad/s: "
                     "lower it, or raise the inertia it acts on"
                 )
         slope = self.encoder_ripple_rad * self.encoder_ripple_cycles_per_rev
         if slope >= 1.0:
             raise ValueError(
-                f"encoder_ripple_rad = {self.encoder_ripple_rad} over {self.encoder_ripple_cycles_per_rev:g} cycles a turn; "
-                "their product must be < 1, or the reading runs backwards: lower one of them"
+                f"encoder_ripple_rad = {self.encoder_ripple_rad} with "
+                f"encoder_ripple_cycles_per_rev = {self.encoder_ripple_cycles_per_rev:g}; "
+                "their product must be < 1, or the reading decreases while the angle increases: "
+                "lower one of them"
             )
 
     @property
     def reflected_inertia_kg_m2(self) -> float:
-        """Load inertia as the motor feels it."""
+        """Reflected inertia of the load, at the motor shaft."""
         return self.load_inertia_kg_m2 / self.gear_ratio**2
 
     @property
-    def fastest_rad_s(self) -> float:
-        """A bound on every rate of the small motions."""
+    def max_rate_rad_s(self) -> float:
+        """Upper bound of all rates of the linearised motion."""
         return sum(self._rates_rad_s().values())
 
     def _rates_rad_s(self) -> dict[str, float]:
-        """By the key that causes it: the undamped resonance, the ripple's, and the three decays."""
+        """Rates by the key that causes them: resonance, ripple frequency, three decay rates."""
         mobility = 1.0 / self.motor_inertia_kg_m2 + 1.0 / self.reflected_inertia_kg_m2
         ripple_n_m_rad = self.torque_ripple_n_m * self.torque_ripple_cycles_per_rev
         return {
@@ -126,17 +133,20 @@ def _field_types(kind: type) -> dict[str, object]:
 
 
 def _check_fields(struct: DisturbancePulse | Joint) -> None:
-    """The bounds that the types state, for objects that no file was decoded into."""
+    """Check the bounds of the types, for objects that are not decoded from a file."""
     for key, kind in _field_types(type(struct)).items():
         value = getattr(struct, key)
         try:
             msgspec.convert(value, kind)
         except msgspec.ValidationError as error:
-            advice = next(
-                (m.description for m in getattr(kind, "__metadata__", ()) if m.description),
-                "give Pulse objects",
-            )
             reason = str(error)
-            raise ValueError(
-                f"{key} = {value!r}: {reason[0].lower()}{reason[1:]}: {advice}"
-            ) from None
+            reason = reason[0].lower() + reason[1:]
+            raise ValueError(f"{key} = {value!r}: {reason}: {_advice(kind)}") from None
+
+
+def _advice(kind: object) -> str:
+    """Next step for a wrong value of a type: the description of its Meta."""
+    for meta in getattr(kind, "__metadata__", ()):
+        if meta.description:
+            return str(meta.description)
+    return "give DisturbancePulse objects"

@@ -1,4 +1,4 @@
-"""The load: a damped nonlinear pendulum in the X-Z plane, carried by a moving pivot."""
+"""Load: damped nonlinear pendulum in the X-Z plane with a moving pivot."""
 
 from __future__ import annotations
 
@@ -8,37 +8,41 @@ from sim_rig import params
 
 
 class Pendulum:
-    """Angle 0 = hanging, positive = load ahead in +X.
+    """Pendulum; angle 0 = hanging, positive = load ahead in +X.
 
-    The pivot's velocity (vx, vz) drives l theta'' = -g sin - ax cos - az sin - 2 zeta w l theta' (Lagrange) through
-    q = l theta' + vx cos + vz sin, the load's speed across the cable:
+    Equation of motion (Lagrange): l theta'' = -g sin - ax cos - az sin - 2 zeta w l theta'. With
+    q = l theta' + vx cos + vz sin, the speed of the load normal to the cable, the input is the
+    velocity (vx, vz) of the pivot:
 
-        theta' = (q - vx cos - vz sin) / l        q' = theta' (vz cos - vx sin - 2 zeta w l) - g sin
+        theta' = (q - vx cos - vz sin) / l
+        q' = theta' (vz cos - vx sin - 2 zeta w l) - g sin
 
-    A setpoint makes the acceleration jump but not the velocity, so in this form RK4 keeps its order through every kink.
+    A new setpoint is a step of the acceleration but not of the velocity, so RK4 keeps its order.
     """
 
     __slots__ = ("_drag_m_s", "_gravity_m_s2", "_length_m", "angle_rad", "angular_velocity_rad_s")
 
     def __init__(self, pendulum: params.PendulumParams) -> None:
-        self.angle_rad, self.angular_velocity_rad_s = pendulum.initial_swing_rad, 0.0
-        self._length_m, self._gravity_m_s2 = pendulum.length_m, pendulum.gravity_m_s2
+        self.angle_rad = pendulum.initial_swing_rad
+        self.angular_velocity_rad_s = 0.0
+        self._length_m = pendulum.length_m
+        self._gravity_m_s2 = pendulum.gravity_m_s2
+        # 2 zeta w l
         self._drag_m_s = (
             2.0 * pendulum.damping_ratio * math.sqrt(pendulum.gravity_m_s2 * pendulum.length_m)
-        )  # 2 zeta w l
-
-    def carry(self, step_s: float, vx_m_s: list[float], vz_m_s: list[float]) -> None:
-        """Runge-Kutta 4 over (N - 1) / 2 steps of step_s; pivot velocities (N,) at the start, middle and end of each.
-
-        Plain floats, written out stage by stage: it runs a thousand times a simulated second.
-        """
-        sin, cos, g, drag, per_length = (
-            math.sin,
-            math.cos,
-            self._gravity_m_s2,
-            self._drag_m_s,
-            1.0 / self._length_m,
         )
+
+    def advance(self, step_s: float, vx_m_s: list[float], vz_m_s: list[float]) -> None:
+        """Integrate (N - 1) / 2 steps of step_s with a moving pivot (Runge-Kutta 4).
+
+        vx_m_s, vz_m_s: (N,) pivot velocities at the start, the middle and the end of each step.
+        Plain floats and stages written out, as it runs a thousand times a simulated second.
+        """
+        sin = math.sin
+        cos = math.cos
+        g = self._gravity_m_s2
+        drag = self._drag_m_s
+        per_length = 1.0 / self._length_m
         half, sixth = 0.5 * step_s, step_s / 6.0
         each_vx, each_vz = iter(vx_m_s), iter(vz_m_s)
         theta, vx, vz = self.angle_rad, next(each_vx), next(each_vz)
@@ -66,13 +70,14 @@ class Pendulum:
             f1 = w1 * (vz_end * c - vx_end * s - drag) - g * s
         self.angle_rad, self.angular_velocity_rad_s = theta, w1
 
-    def hang(self, step_s: float, steps: int) -> None:
-        """The same with the pivot at rest, at half the cost; a load hangs for most of an experiment."""
-        sin, stiffness, drag = (
-            math.sin,
-            self._gravity_m_s2 / self._length_m,
-            self._drag_m_s / self._length_m,
-        )
+    def advance_at_rest(self, step_s: float, steps: int) -> None:
+        """Integrate steps of step_s with the pivot at rest, in half the computing time.
+
+        The pivot is at rest for most of an experiment.
+        """
+        sin = math.sin
+        stiffness = self._gravity_m_s2 / self._length_m
+        drag = self._drag_m_s / self._length_m
         half, sixth = 0.5 * step_s, step_s / 6.0
         theta, w1 = self.angle_rad, self.angular_velocity_rad_s
         for _ in range(steps):

@@ -1,4 +1,4 @@
-"""Pictures of the cable: dark on a bright noisy screen, blurred by its motion during the exposure."""
+"""Renderer of the cable: dark on a bright noisy screen, with motion blur."""
 
 from __future__ import annotations
 
@@ -12,61 +12,61 @@ from sim_rig import profile
 from sim_rig.camera import CableLine
 from sim_rig.params import CameraParams, View
 
-BACKGROUNDS = 8  # noisy screens, drawn once and taken in turn
-STRIP = 8  # strips are multiples of this many columns
-GOLDEN = 0.6180339887498949  # its multiples modulo 1 spread evenly: rounding errors of neighbouring rows cancel in any line fit
+BACKGROUNDS = 8  # noisy screens, drawn once and used in turn
+STRIP_STEP_PX = 8  # widths of strips are multiples of this
+# golden ratio - 1; its multiples modulo 1 are evenly distributed, so that the rounding errors of
+# neighbouring rows cancel in a line fit
+DITHER_STEP = 0.6180339887498949
 PHASES = float(profile.PHASES)
 
 
 class Renderer:
-    """Paints pictures; equal seeds give equal pictures."""
+    """Renderer of images; equal seeds give equal images."""
 
     def __init__(self, camera: CameraParams, view: View, seed: int) -> None:
         self._camera, self._width = camera, view.width
         shape = (BACKGROUNDS, view.height, view.width)
         noise = np.random.default_rng(seed).standard_normal(shape, dtype=np.float32)
         exact = np.clip(camera.background + camera.noise * noise, 0.0, 255.0, dtype=np.float32)
-        self._exact = exact + np.float32(0.5)  # cutting off the fraction then rounds
+        self._exact = exact + np.float32(0.5)  # the conversion to uint8 then rounds
         self._screens = self._exact.astype(np.uint8)
         self._rows = np.arange(view.height)
-        self._dither = self._rows * GOLDEN % 1.0
+        self._dither = self._rows * DITHER_STEP % 1.0
 
     def picture(
         self, index: int, start: CableLine | None, middle: CableLine | None, end: CableLine | None
     ) -> NDArray[np.uint8]:
-        """A fresh (height, width) uint8 picture on screen `index` modulo 8, given the cable at three instants of the exposure.
+        """Render a new image (height, width) uint8 on screen `index` modulo 8.
 
-        Without a line at any of them the screen is empty. The cable sweeps evenly over the distance between start and end,
-        about its mean position by Simpson's rule.
+        start, middle, end: cable at three times of the exposure; without one of them the screen is
+        empty. The cable moves at constant speed over the distance between start and end, about its
+        mean position by Simpson's rule.
         """
         screen = index % BACKGROUNDS
         picture: NDArray[np.uint8] = self._screens[screen].copy()
-        if start is not None and middle is not None and end is not None:
-            first_row = max(math.ceil(middle.pivot_row_px), 0)
-            if first_row < len(picture):
-                sweep = self._sweep(start, middle, end, first_row)
-                self._paint(
-                    picture[first_row:],
-                    self._exact[screen, first_row:],
-                    sweep,
-                    1.0 / math.hypot(1.0, middle.slope),
-                )
+        if start is None or middle is None or end is None:
+            return picture
+        first_row = max(math.ceil(middle.pivot_row_px), 0)
+        if first_row < len(picture):
+            sweep = self._sweep(start, middle, end, first_row)
+            cos_tilt = 1.0 / math.hypot(1.0, middle.slope)
+            self._paint(picture[first_row:], self._exact[screen, first_row:], sweep, cos_tilt)
         return picture
 
     def _sweep(
         self, start: CableLine, middle: CableLine, end: CableLine, first_row: int
     ) -> NDArray[np.int64]:
-        """Where the cable's axis begins and ends its way over each row: (2, R) [column phases], ascending."""
+        """Compute the range of the cable axis on each row: (2, R) [column phases], ascending."""
         rows = self._rows[first_row:].astype(np.float64)  # (R,)
         mean_px = (start.column_px + 4.0 * middle.column_px + end.column_px) / 6.0
         mean_slope = (start.slope + 4.0 * middle.slope + end.slope) / 6.0
-        way_px = end.column_px - start.column_px + (end.slope - start.slope) * rows
+        range_px = end.column_px - start.column_px + (end.slope - start.slope) * rows
         sweep = np.empty((2, len(rows)), np.int64)
-        way = np.floor(np.maximum(np.abs(way_px) * PHASES, 1.0) + 0.5)
+        span = np.floor(np.maximum(np.abs(range_px) * PHASES, 1.0) + 0.5)
         sweep[0] = np.floor(
-            (mean_px + mean_slope * rows) * PHASES - 0.5 * way + self._dither[first_row:]
+            (mean_px + mean_slope * rows) * PHASES - 0.5 * span + self._dither[first_row:]
         )
-        sweep[1] = sweep[0] + way
+        sweep[1] = sweep[0] + span
         return sweep
 
     def _paint(
@@ -76,33 +76,33 @@ class Renderer:
         sweep: NDArray[np.int64],
         cos_tilt: float,
     ) -> None:
-        """Darken, on each of the R rows, the strip of columns that the cable touches."""
+        """Darken the strip of columns that the cable covers, on each of the R rows."""
         cos_tilt = max(round(cos_tilt * profile.TILTS), 1) / profile.TILTS
-        way = sweep[1] - sweep[0]
-        touched_px = int(way.max()) / PHASES + 2 * profile.reach_px(self._camera, cos_tilt) + 2
-        width = min(self._width, STRIP * math.ceil(touched_px / STRIP))
-        table = profile.windows(self._camera, cos_tilt, width)
+        span = sweep[1] - sweep[0]
+        half_width_px = profile.half_width_px(self._camera, cos_tilt)
+        covered_px = int(span.max()) / PHASES + 2 * half_width_px + 2
+        width = min(self._width, STRIP_STEP_PX * math.ceil(covered_px / STRIP_STEP_PX))
+        table = profile.strip_table(self._camera, cos_tilt, width)
 
         columns = sweep >> profile.PHASE_BITS  # (2, R)
-        left = _within((columns[0] + columns[1] - width) >> 1, self._width - width)  # (R,)
-        offset = _within(left - columns + table.zero, table.last)
-        passed = (
-            table.of[sweep & (profile.PHASES - 1), offset].view(np.float32).reshape(2, -1, width)
-        )
+        left = _clip((columns[0] + columns[1] - width) >> 1, self._width - width)  # (R,)
+        offset = _clip(left - columns + table.zero, table.last)
+        integral = table.strips[sweep & (profile.PHASES - 1), offset]
+        integral = integral.view(np.float32).reshape(2, -1, width)
         place = self._rows[: len(left)], left
         strip = _strips(screen, width)[place].view(np.float32).reshape(-1, width)
-        strip -= (passed[0] - passed[1]) * (PHASES / way).astype(np.float32)[:, None]
+        strip -= (integral[0] - integral[1]) * (PHASES / span).astype(np.float32)[:, None]
         np.maximum(strip, 0.0, out=strip)
         _strips(picture, width)[place] = strip.astype(np.uint8).view((np.void, width))[:, 0]
 
 
-def _within(k: NDArray[np.int64], last: int) -> NDArray[np.int64]:
-    """Limit k to 0..last in place; np.clip costs three times as much on a few hundred numbers."""
+def _clip(k: NDArray[np.int64], last: int) -> NDArray[np.int64]:
+    """Limit k to 0..last in place; np.clip takes three times as long for a few hundred numbers."""
     return np.minimum(np.maximum(k, 0, out=k), last, out=k)
 
 
 def _strips(image: NDArray[Any], width: int) -> NDArray[np.void]:
-    """A view of which [row, left] is one item: the `width` pixels from column left on."""
+    """Create a view whose item [row, left] holds the `width` pixels from column left on."""
     height, columns = image.shape
     item = np.dtype((np.void, width * image.itemsize))
     return np.ndarray((height, columns - width + 1), item, image.data, strides=image.strides)

@@ -1,4 +1,4 @@
-"""The platform: three Cartesian axes, each a second-order position loop integrated in closed form."""
+"""Platform: three Cartesian axes, each a second-order position loop in closed form."""
 
 from __future__ import annotations
 
@@ -8,88 +8,96 @@ from typing import NamedTuple
 from comms.messages import Position, Velocity
 from sim_rig import params
 
-REST_M = 1e-15  # closer to its setpoint and slower than REST_M_S an axis stands still
+# an axis closer to its setpoint and slower than this is at rest
+REST_M = 1e-15
 REST_M_S = 1e-13
 
 
 class Propagator(NamedTuple):
-    """exp(A t) for the state (position - setpoint, velocity): entry `ev` is what velocity adds to the error."""
+    """Matrix exp(A t) for the state (error = position - setpoint, velocity)."""
 
     ee: float
-    ev: float
+    ev: float  # error after t per initial velocity
     ve: float
     vv: float
 
 
 class Substep(NamedTuple):
-    """One integration step and its first half, for the pendulum needs the velocity there too."""
+    """Propagators of an integration step and its first half; the pendulum needs both velocities."""
 
     whole: Propagator
     half: Propagator
 
 
 class ServoLoop:
-    """x'' = wn^2 (setpoint - x) - 2 zeta wn x', with wn such that |x/setpoint| falls to -3 dB at bandwidth_hz."""
+    """Position loop x'' = wn^2 (setpoint - x) - 2 zeta wn x'.
+
+    wn is such that |x / setpoint| falls to -3 dB at bandwidth_hz.
+    """
 
     def __init__(self, robot: params.RobotParams) -> None:
         zeta = robot.damping
-        spread = 1.0 - 2.0 * zeta * zeta
-        self.natural_rad_s = (
-            2.0 * math.pi * robot.bandwidth_hz / math.sqrt(spread + math.hypot(spread, 1.0))
-        )  # |H|^2 = 1/2
+        b = 1.0 - 2.0 * zeta * zeta  # from |H|^2 = 1/2
+        self.natural_rad_s = 2.0 * math.pi * robot.bandwidth_hz / math.sqrt(b + math.hypot(b, 1.0))
         self._decay_rad_s = zeta * self.natural_rad_s
-        self._wave_rad_s = self.natural_rad_s * math.sqrt(abs(1.0 - zeta * zeta))
+        self._damped_rad_s = self.natural_rad_s * math.sqrt(abs(1.0 - zeta * zeta))
         self._zeta = zeta
 
     def propagator(self, t_s: float) -> Propagator:
-        """exp(A t) = e^(-mu t) (C I + S (A + mu I)), mu = zeta wn; C = cos(w t), S = sin(w t) / w, w = wn sqrt(1 - zeta^2).
+        """Compute exp(A t) = e^(-mu t) (C I + S (A + mu I)), with mu = zeta wn.
 
-        Beyond critical damping cosh and sinh take the place of cos and sin; at it C = 1, S = t.
+        C = cos(w t), S = sin(w t) / w, w = wn sqrt(1 - zeta^2). Beyond critical damping cosh and
+        sinh replace cos and sin; at critical damping C = 1, S = t.
         """
-        mu, w = self._decay_rad_s, self._wave_rad_s
+        mu, w = self._decay_rad_s, self._damped_rad_s
         if self._zeta < 1.0:
             c, s = math.cos(w * t_s), math.sin(w * t_s) / w
         elif self._zeta > 1.0:
             c, s = math.cosh(w * t_s), math.sinh(w * t_s) / w
         else:
             c, s = 1.0, t_s
-        fade = math.exp(-mu * t_s)
-        c, s = fade * c, fade * s
+        decay = math.exp(-mu * t_s)
+        c, s = decay * c, decay * s
         return Propagator(c + mu * s, s, -self.natural_rad_s * self.natural_rad_s * s, c - mu * s)
 
     def substep(self, step_s: float) -> Substep:
-        """Both propagators of a step; the whole one is the half one applied twice."""
-        half = ee, ev, ve, vv = self.propagator(0.5 * step_s)
-        return Substep(
-            Propagator(ee * ee + ev * ve, ev * (ee + vv), ve * (ee + vv), ve * ev + vv * vv), half
-        )
+        """Compute both propagators of a step; the whole one is the square of the half one."""
+        half = self.propagator(0.5 * step_s)
+        ee, ev, ve, vv = half
+        whole = Propagator(ee * ee + ev * ve, ev * (ee + vv), ve * (ee + vv), ve * ev + vv * vv)
+        return Substep(whole, half)
 
 
 class AxisState:
-    """Position and velocity of one axis on its way to a setpoint."""
+    """Position and velocity of an axis."""
 
     __slots__ = ("_error_m", "_setpoint_m", "velocity_m_s")
 
     def __init__(self, position_m: float) -> None:
-        self._error_m, self._setpoint_m, self.velocity_m_s = 0.0, position_m, 0.0
+        self._error_m = 0.0
+        self._setpoint_m = position_m
+        self.velocity_m_s = 0.0
 
     @property
     def position_m(self) -> float:
-        """Where the axis is now."""
+        """Actual position."""
         return self._setpoint_m + self._error_m
 
-    def aim(self, setpoint_m: float) -> None:
-        """A new setpoint, as a step at the present instant."""
+    def set_setpoint(self, setpoint_m: float) -> None:
+        """Set the setpoint, as a step at the present time."""
         self._error_m += self._setpoint_m - setpoint_m
         self._setpoint_m = setpoint_m
 
     @property
     def still(self) -> bool:
-        """At rest at the setpoint."""
+        """True if the axis is at rest at its setpoint."""
         return abs(self._error_m) < REST_M and abs(self.velocity_m_s) < REST_M_S
 
     def advance(self, substep: Substep, steps: int) -> list[float]:
-        """Velocities [m/s] at the beginning, then at the middle and the end of each step: (2 steps + 1,)."""
+        """Integrate steps; return the velocities [m/s], (2 steps + 1,).
+
+        The first is at the start, then one at the middle and one at the end of each step.
+        """
         if self.still:
             self._error_m = self.velocity_m_s = 0.0
             return [0.0] * (2 * steps + 1)
@@ -105,7 +113,7 @@ class AxisState:
 
 
 class Platform:
-    """The three axes together: x right, y depth, z up."""
+    """Platform with three axes: x right, y depth, z up."""
 
     def __init__(self, robot: params.RobotParams, home_m: Position) -> None:
         self.loop = ServoLoop(robot)
@@ -113,21 +121,21 @@ class Platform:
 
     @property
     def position_m(self) -> Position:
-        """(x, y, z)."""
+        """Actual position (x, y, z)."""
         return self.x.position_m, self.y.position_m, self.z.position_m
 
     @property
     def velocity_m_s(self) -> Velocity:
-        """(x, y, z)."""
+        """Actual velocity (x, y, z)."""
         return self.x.velocity_m_s, self.y.velocity_m_s, self.z.velocity_m_s
 
     @property
     def still(self) -> bool:
-        """At rest at its setpoints."""
+        """True if all axes are at rest at their setpoints."""
         return self.x.still and self.z.still and self.y.still
 
-    def aim(self, setpoint_m: Position) -> None:
-        """New setpoints for all axes, as steps at the present instant."""
-        self.x.aim(setpoint_m[0])
-        self.y.aim(setpoint_m[1])
-        self.z.aim(setpoint_m[2])
+    def set_setpoint(self, setpoint_m: Position) -> None:
+        """Set the setpoints of all axes, as steps at the present time."""
+        self.x.set_setpoint(setpoint_m[0])
+        self.y.set_setpoint(setpoint_m[1])
+        self.z.set_setpoint(setpoint_m[2])

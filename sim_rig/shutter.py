@@ -1,4 +1,4 @@
-"""The camera's shutter: opens on its own grid, watches the cable while it is open, gives a picture when it closes."""
+"""Shutter of the camera: exposures on a time grid, each with one image."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from sim_rig.renderer import Renderer
 
 
 class Exposure(NamedTuple):
-    """A picture, when its exposure began, and the true cable angle half-way through."""
+    """Image with the start of its exposure and the true cable angle at mid-exposure."""
 
     start_ns: int
     middle_rad: float
@@ -22,48 +22,53 @@ class Exposure(NamedTuple):
 
 
 class Shutter:
-    """Exposures that start on the multiples of the frame period, from t_ns on.
+    """Shutter with exposures that start on multiples of the frame period, from t_ns on.
 
-    Bring the bench to `next_ns`, then call `look`; again and again. Raises ValueError when the view has no frame rate.
+    Advance the bench to `next_ns`, then call `sample`, and repeat. Raises ValueError if the view
+    has no frame rate.
     """
 
     def __init__(self, params: BenchParams, t_ns: int = 0) -> None:
         if params.view.rate_hz <= 0.0:
             raise ValueError(
-                f"rate_hz = {params.view.rate_hz:g} in [camera]; must be > 0 for pictures: the source rig has 50"
+                f"rate_hz = {params.view.rate_hz:g} in [camera]; must be > 0 for pictures: "
+                "set a frame rate, 50 as in the source rig"
             )
         self.exposure_ns = round(params.camera.exposure_ms * 1e6)
         self._period_ns = round(1e9 / params.view.rate_hz)
         self._pinhole = Pinhole(params.camera, params.view, params.home_m)
         self._renderer = Renderer(params.camera, params.view, params.seed)
         self._taken = 0
-        self._seen: list[
-            tuple[CableLine | None, float]
-        ] = []  # line and angle at start, middle, end
+        # (line, angle) at the start, the middle and the end of the exposure
+        self._samples: list[tuple[CableLine | None, float]] = []
         self.begin(t_ns)
 
     def begin(self, t_ns: int) -> None:
-        """The first exposure starts on the first multiple of the frame period from t_ns on."""
+        """Set the start of the first exposure: the first multiple of the frame period from t_ns."""
         self._start_ns = self.next_ns = t_ns + -t_ns % self._period_ns
 
     @property
     def closes_ns(self) -> int:
-        """When the exposure under way, or else the next one, ends."""
+        """End of the current exposure, or of the next one."""
         return self._start_ns + self.exposure_ns
 
-    def look(self, bench: Bench) -> Exposure | None:
-        """Note where the cable is at `next_ns`: start, middle or end of an exposure. The end gives the picture."""
-        self._seen.append((self._pinhole.line(bench.position_m, bench.angle_rad), bench.angle_rad))
-        if len(self._seen) < 3:
-            self.next_ns = (
-                self._start_ns + self.exposure_ns // 2 if len(self._seen) == 1 else self.closes_ns
-            )
+    def sample(self, bench: Bench) -> Exposure | None:
+        """Sample the cable at `next_ns`: start, middle or end of an exposure.
+
+        The end gives the exposure with its image.
+        """
+        line = self._pinhole.line(bench.position_m, bench.angle_rad)
+        self._samples.append((line, bench.angle_rad))
+        if len(self._samples) == 1:
+            self.next_ns = self._start_ns + self.exposure_ns // 2
             return None
-        (start, _), (middle, angle_rad), (end, _) = self._seen
-        exposure = Exposure(
-            self._start_ns, angle_rad, self._renderer.picture(self._taken, start, middle, end)
-        )
-        self._seen.clear()
+        if len(self._samples) == 2:
+            self.next_ns = self.closes_ns
+            return None
+        (start, _), (middle, angle_rad), (end, _) = self._samples
+        picture = self._renderer.picture(self._taken, start, middle, end)
+        exposure = Exposure(self._start_ns, angle_rad, picture)
+        self._samples.clear()
         self._taken += 1
         self._start_ns = self.next_ns = self._start_ns + self._period_ns
         return exposure

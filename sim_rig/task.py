@@ -1,4 +1,7 @@
-"""The bench as a task: setpoints in; encoder readings, pictures and the truth out, with exact stamps however late it runs."""
+"""Bench task: encoder readings, frames and truth from setpoints.
+
+The time stamps are exact, however late the task runs.
+"""
 
 from __future__ import annotations
 
@@ -22,22 +25,21 @@ from sim_rig.bench import Bench
 from sim_rig.params import BenchParams
 from sim_rig.shutter import Exposure, Shutter
 
-SERVO_NS = (
-    1 * MS
-)  # digital servos look for a new setpoint this often: when within a millisecond it came is all the same
+# sample time of the digital drives; the arrival time of a setpoint within it has no effect
+DRIVE_SAMPLE_NS = 1 * MS
 TICK_NS = 5 * MS  # encoders are read on this grid of the run clock
 TRUTH_NS = 10 * MS  # a multiple of TICK_NS
-CATCH_UP_NS = (
-    250 * MS
-)  # most rig time made up in one call, to bound its pictures; the next wake follows at once
+# longest simulated time in one call, to bound the number of frames; the next wake is immediate
+MAX_CATCH_UP_NS = 250 * MS
 NEVER_NS = 2**63
 
 
 class BenchTask:
-    """comms.task.Task: robot, load and camera behind the wire.
+    """Task (comms.task.Task) of the simulated robot, load and camera.
 
-    The world stands still until `start`, which releases the load at rest from its initial swing. Physics stops only at grid
-    instants, exposures and looks of the servos, so what happens does not depend on when the task is woken.
+    The simulation starts with `start`, which releases the load at rest from its initial swing. The
+    integration stops only at ticks, exposures and samples of the drives, so the result does not
+    depend on the wake-up times of the task.
     """
 
     name = "bench"
@@ -46,20 +48,18 @@ class BenchTask:
         self.late_ticks = 0  # encoder readings that were skipped because a newer one was due
         self._params = params
         self._bench = Bench(params)
-        self._shutter = (
-            Shutter(params) if params.view.rate_hz > 0.0 else None
-        )  # draws its noisy screens once, here
+        # draws its noisy screens once, here
+        self._shutter = Shutter(params) if params.view.rate_hz > 0.0 else None
         self._tick_ns = 0
-        self._setpoints: deque[tuple[int, Position]] = (
-            deque()
-        )  # (in force from, position): arrived, not yet seen by the servos
-        self._aim_m = params.start_m
+        # (effective from [ns], position): arrived, not yet sampled by the drives
+        self._setpoints: deque[tuple[int, Position]] = deque()
+        self._setpoint_m = params.start_m
         self._phase = Phase.IDLE
         self._sent: Counter[str] = Counter()
         self._replies = Replies(self.name)
 
     def start(self, t_ns: int) -> Step:
-        """Release the load; a grid instant at t_ns itself is served at once."""
+        """Release the load; a tick at t_ns itself is served at once."""
         self._bench = Bench(self._params, t_ns)
         if self._shutter is not None:
             self._shutter.begin(t_ns)
@@ -67,30 +67,38 @@ class BenchTask:
         return self.on_tick(t_ns)
 
     def on_message(self, channel: str, message: Message, t_ns: int) -> Step:
-        """A setpoint takes effect at the servos' next look; a command is answered. The world heeds no stop."""
+        """Process a setpoint or a command.
+
+        A setpoint takes effect at the next sample of the drives. Stop is acknowledged; the
+        simulation keeps integrating.
+        """
         if isinstance(message, Setpoint):
             self._phase = Phase.RUNNING
-            if message.position_m == self._aim_m:  # holding: nothing to stop the physics for
+            if message.position_m == self._setpoint_m:  # unchanged: no stop of the integration
                 return NO_STEP
-            self._aim_m = message.position_m
-            self._setpoints.append((t_ns - t_ns % SERVO_NS + SERVO_NS, message.position_m))
+            self._setpoint_m = message.position_m
+            effective_ns = t_ns - t_ns % DRIVE_SAMPLE_NS + DRIVE_SAMPLE_NS
+            self._setpoints.append((effective_ns, message.position_m))
             return NO_STEP
         if isinstance(message, Command):
-            return Step(
-                [self._replies.answer(message, self._phase, t_ns, f"{self.late_ticks} late ticks")]
-            )
+            text = f"{self.late_ticks} late ticks"
+            return Step([self._replies.answer(message, self._phase, t_ns, text)])
         return NO_STEP
 
     def on_tick(self, t_ns: int) -> Step:
-        """Everything due up to t_ns, in the order of time; of several encoder readings only the newest."""
+        """Simulate up to t_ns and send what is due, in the order of time.
+
+        Of several encoder readings only the newest is sent.
+        """
         bench, shutter, setpoints = self._bench, self._shutter, self._setpoints
-        horizon_ns = min(t_ns, bench.t_ns + CATCH_UP_NS)
+        end_ns = min(t_ns, bench.t_ns + MAX_CATCH_UP_NS)
         sends: list[Send] = []
         readings = 0
         while True:
-            look_ns = shutter.next_ns if shutter else NEVER_NS
-            due_ns = min(self._tick_ns, look_ns, setpoints[0][0] if setpoints else NEVER_NS)
-            if due_ns > horizon_ns:
+            shutter_ns = shutter.next_ns if shutter else NEVER_NS
+            setpoint_ns = setpoints[0][0] if setpoints else NEVER_NS
+            due_ns = min(self._tick_ns, shutter_ns, setpoint_ns)
+            if due_ns > end_ns:
                 break
             bench.advance(max(due_ns, bench.t_ns))
             if due_ns == self._tick_ns:
@@ -99,10 +107,10 @@ class BenchTask:
                 self._tick_ns += TICK_NS
                 if due_ns % TRUTH_NS == 0:
                     sends.append(Send("truth", self._truth(due_ns, position_m, velocity_m_s), t_ns))
-            if shutter and due_ns == look_ns and (exposure := shutter.look(bench)):
+            if shutter and due_ns == shutter_ns and (exposure := shutter.sample(bench)):
                 sends.append(Send("frame", self._frame(exposure, shutter.exposure_ns), t_ns))
-            if setpoints and due_ns == setpoints[0][0]:
-                bench.setpoint(setpoints.popleft()[1])
+            if setpoints and due_ns == setpoint_ns:
+                bench.set_setpoint(setpoints.popleft()[1])
         if readings:
             self.late_ticks += readings - 1
             seq = self._seq("joint_state")
@@ -114,7 +122,7 @@ class BenchTask:
         return Step(sends, max(wake_ns, t_ns))
 
     def stop(self, t_ns: int) -> Step:
-        """Nothing to put down."""
+        """Do nothing; no shutdown action."""
         return NO_STEP
 
     def _truth(self, t_ns: int, position_m: Position, velocity_m_s: Velocity) -> Truth:
@@ -143,7 +151,7 @@ class BenchTask:
         )
 
     def _seq(self, channel: str) -> int:
-        """The next count of a channel, from 0."""
+        """Return the next sequence number of a channel, from 0."""
         seq = self._sent[channel]
         self._sent[channel] = seq + 1
         return seq

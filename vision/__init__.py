@@ -1,4 +1,4 @@
-"""Vision: pixels in, cable angle out; only task.py and __main__.py know the wire.
+"""Vision: cable angle from pixels; only task.py and __main__.py use the message types.
 
-Imports comms only; the estimators import nothing else of ours.
+Imports comms only; the estimators import no other package of the project.
 """

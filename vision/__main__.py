@@ -1,4 +1,4 @@
-"""The vision task as a process."""
+"""Process of the vision task."""
 
 import sys
 

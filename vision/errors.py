@@ -1,5 +1,5 @@
-"""What vision/ raises."""
+"""Exceptions of vision/."""
 
 
 class VisionError(Exception):
-    """Root of everything vision/ raises."""
+    """Root of the exceptions of vision/."""

@@ -1,4 +1,4 @@
-"""The moving average over frames, honest about the instant it stands for."""
+"""Moving average over frames, with the time at which it holds."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from vision.errors import VisionError
 
 
 class Angle(NamedTuple):
-    """An angle, the instant it is true for, and its standard deviation."""
+    """Angle with the time at which it holds and its standard deviation."""
 
     t_ns: int
     angle_rad: float
@@ -18,26 +18,31 @@ class Angle(NamedTuple):
 
 
 class MovingAverage:
-    """Mean of the newest `frames` angles; starts again after a gap of more than max_gap_ns between two stamps.
+    """Moving average of the newest `frames` angles.
 
-    An average over equal periods delays by (frames - 1) / 2 periods at every frequency; its mean stamp says so, also
-    while the window is still filling. Over a hole the delay would change, hence the new start.
+    An average over equal periods has a delay of (frames - 1) / 2 periods at every frequency; the
+    mean time stamp contains it, also while the window fills. A missing frame would change the
+    delay, so the average restarts after a gap of more than max_gap_ns between two time stamps.
     """
 
     def __init__(self, frames: int, max_gap_ns: int) -> None:
         if frames < 1 or max_gap_ns < 1:
             raise VisionError(
-                f"moving average of {frames} frames, gap {max_gap_ns} ns; both must be at least 1: check [vision]"
+                f"moving average of {frames} frames, gap {max_gap_ns} ns; both must be at least 1: "
+                "check [vision]"
             )
         self._window: deque[Angle] = deque(maxlen=frames)
         self._max_gap_ns = max_gap_ns
 
     def restart(self) -> None:
-        """Forget the window: the newest frame gave no angle."""
+        """Clear the window, after a frame without an angle."""
         self._window.clear()
 
     def add(self, t_ns: int, angle_rad: float, sigma_rad: float) -> Angle:
-        """Take in an angle true at t_ns; the mean of the window, at its mean instant. Errors of frames are independent."""
+        """Add an angle that holds at t_ns; return the mean of the window at its mean time.
+
+        The errors of the frames are taken as independent.
+        """
         if self._window and not 0 < t_ns - self._window[-1].t_ns <= self._max_gap_ns:
             self._window.clear()
         self._window.append(Angle(t_ns, angle_rad, sigma_rad))

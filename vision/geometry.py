@@ -1,4 +1,4 @@
-"""Where in the picture the cable's upper end is, from where the platform is."""
+"""Pivot (upper end of the cable) in the image as a function of the platform position."""
 
 from __future__ import annotations
 
@@ -10,9 +10,12 @@ from vision.errors import VisionError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PivotModel:
-    """pivot = home_px + (pixels_per_m x, 0): a fixed camera that looks along the platform's y axis, +X to image right."""
+    """Linear pivot model: pivot = home_px + (pixels_per_m x, 0).
 
-    home_px: tuple[float, float]  # (u, v) at x = 0; v < 0 is above the picture
+    The camera is fixed and looks along the y axis of the platform, +X to image right.
+    """
+
+    home_px: tuple[float, float]  # (u, v) at x = 0; v < 0 is above the image
     pixels_per_m: float
 
     def __post_init__(self) -> None:
@@ -22,9 +25,10 @@ class PivotModel:
             )
         if not 0.0 < self.pixels_per_m < math.inf:
             raise VisionError(
-                f"pixels_per_m = {self.pixels_per_m}; must be > 0 and finite: calibrate the pivot again"
+                f"pixels_per_m = {self.pixels_per_m}; must be > 0 and finite: "
+                "calibrate the pivot again"
             )
 
     def pivot_px(self, x_m: float) -> tuple[float, float]:
-        """(u, v) of the cable's upper end [px] with the platform at x_m."""
+        """Compute (u, v) of the pivot [px] with the platform at x_m."""
         return self.home_px[0] + self.pixels_per_m * x_m, self.home_px[1]

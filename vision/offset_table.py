@@ -1,4 +1,4 @@
-"""What the camera's view adds to the angle, by platform position."""
+"""Offset table: angle offset of the camera over platform position."""
 
 from __future__ import annotations
 
@@ -10,39 +10,48 @@ from typing import NamedTuple
 
 from vision.errors import VisionError
 
-TOLERANCE_M = 0.005  # beyond the outermost points the end value still holds: 0.1 mrad for a slope of 20 mrad/m
+# distance beyond the end points in which the end value holds: 0.1 mrad for a slope of 20 mrad/m
+TOLERANCE_M = 0.005
 
 
 class Offset(NamedTuple):
-    """An offset to take off the angle, and whether the table really covers the position."""
+    """Offset to subtract from the angle."""
 
     offset_rad: float
-    within: bool
+    within: bool  # the position is in the range of the table
 
 
 class OffsetTable:
-    """Offset over position, linear between calibrated points x_m (N,), offset_rad (N,), N >= 1; x_m strictly increasing."""
+    """Piecewise linear offset over position.
+
+    Calibrated points x_m (N,), offset_rad (N,), N >= 1; x_m strictly increasing.
+    """
 
     def __init__(self, x_m: Sequence[float], offset_rad: Sequence[float]) -> None:
         if not x_m or len(x_m) != len(offset_rad):
             raise VisionError(
                 f"offset table with {len(x_m)} positions and {len(offset_rad)} offsets; "
-                "need as many of each, at least one: calibrate the offsets again"
+                "must be equal and at least 1: calibrate the offsets again"
             )
         if not all(map(isfinite, (*x_m, *offset_rad))):
             raise VisionError(
-                f"offset table x_m = {list(x_m)}, offset_rad = {list(offset_rad)}; all must be finite: calibrate again"
+                f"offset table x_m = {list(x_m)}, offset_rad = {list(offset_rad)}; "
+                "all must be finite: calibrate the offsets again"
             )
         for before, after in pairwise(x_m):
             if after <= before:
                 raise VisionError(
-                    f"offset table: x_m = {after} follows {before}; must increase: sort the points, drop doubles"
+                    f"offset table: x_m = {after} follows {before}; must increase: "
+                    "sort the points and delete the copies"
                 )
         self._x_m = tuple(x_m)
         self._offset_rad = tuple(offset_rad)
 
     def at(self, x_m: float) -> Offset:
-        """Offset at x_m; outside the points the nearest end's, and not within beyond TOLERANCE_M."""
+        """Interpolate the offset at x_m; outside the points the end value holds.
+
+        Beyond TOLERANCE_M outside the points, `within` is False.
+        """
         first, last = self._x_m[0], self._x_m[-1]
         within = first - TOLERANCE_M <= x_m <= last + TOLERANCE_M
         if x_m <= first:

@@ -1,4 +1,4 @@
-"""The vision task: a frame and the platform's position in, a stamped and averaged cable angle out."""
+"""Vision task: averaged cable angle with time stamp, from frames and platform positions."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from vision.ridge import grey_levels
 from vision.sources import red_plane
 from vision.tracker import Fit, Tracker
 
-HISTORY = 32  # platform samples kept: 320 ms at 100 Hz, ten frames' worth
+MAX_PLATFORM_SAMPLES = 32  # 320 ms at 100 Hz, the time of 16 frames at 50 Hz
 NS_PER_S = 1e9
-GAP_PERIODS = 1.5  # two stamps farther apart have lost a frame between them
+MAX_GAP_PERIODS = 1.5  # between two time stamps; beyond, a frame is missing
 
 
 class VisionSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What the task is told before the run. x_m and offset_rad both empty: no table yet, offset 0 (while calibrating)."""
+    """Settings of the task. Without offset table (x_m, offset_rad empty) the offset is 0."""
 
     width: int
     height: int
@@ -34,12 +34,12 @@ class VisionSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
     x_m: list[float]
     offset_rad: list[float]
     average_frames: int = 3
-    processing_ns: int = 2_000_000  # the angle leaves this long after its frame came
-    max_extrapolation_ns: int = 20_000_000  # of the platform's position beyond its newest stamp
+    processing_ns: int = 2_000_000  # from the arrival of the frame to the sending of the angle
+    max_extrapolation_ns: int = 20_000_000  # of the platform position, from its nearest sample
 
 
 class PlatformPoint(NamedTuple):
-    """Where the platform was along X, and how fast."""
+    """Position and velocity of the platform along X."""
 
     t_ns: int
     x_m: float
@@ -47,7 +47,7 @@ class PlatformPoint(NamedTuple):
 
 
 class VisionTask:
-    """Implements comms.task.Task; sends one AngleSample for each frame, valid or not."""
+    """Task (comms.task.Task) that sends one AngleSample for each frame, valid or not."""
 
     name = "vision"
 
@@ -55,49 +55,45 @@ class VisionTask:
         self._settings = settings
         self._tracker = Tracker(settings.width, settings.height)
         self._pivot = PivotModel(home_px=settings.pivot_home_px, pixels_per_m=settings.pixels_per_m)
-        self._offsets = (
-            OffsetTable(settings.x_m, settings.offset_rad)
-            if settings.x_m or settings.offset_rad
-            else None
-        )
-        self._average = MovingAverage(
-            settings.average_frames, int(GAP_PERIODS * settings.period_ns)
-        )
-        self._platform: deque[PlatformPoint] = deque(maxlen=HISTORY)
+        self._offsets: OffsetTable | None = None
+        if settings.x_m or settings.offset_rad:
+            self._offsets = OffsetTable(settings.x_m, settings.offset_rad)
+        max_gap_ns = int(MAX_GAP_PERIODS * settings.period_ns)
+        self._average = MovingAverage(settings.average_frames, max_gap_ns)
+        self._platform: deque[PlatformPoint] = deque(maxlen=MAX_PLATFORM_SAMPLES)
         self._angles_sent = 0
         self._replies = Replies(self.name)
-        self.late_ticks = 0  # has no ticks
+        self.late_ticks = 0  # the task has no ticks
 
     def start(self, t_ns: int) -> Step:
-        """Nothing to send; one thread is quicker than many on pictures this small, and repeatable."""
+        """Set OpenCV to one thread: faster on images of this size, and repeatable."""
         cv2.setNumThreads(1)
         return NO_STEP
 
     def on_message(self, channel: str, message: Message, t_ns: int) -> Step:
-        """Serves `platform`, `frame` and `command`; ignores the rest."""
+        """Process a message of `platform`, `frame` or `command`; ignore all others."""
         match message:
             case RobotState():
-                self._remember(message)
+                self._store_platform(message)
             case Frame():
                 at_ns = t_ns + self._settings.processing_ns
                 return Step((Send("angle", self._sample(message, at_ns), at_ns),))
             case Command():
-                return Step(
-                    (self._replies.answer(message, Phase.RUNNING, t_ns),)
-                )  # looks as long as it lives
+                # always in phase RUNNING: the task measures from start to exit
+                return Step((self._replies.answer(message, Phase.RUNNING, t_ns),))
         return NO_STEP
 
     def on_tick(self, t_ns: int) -> Step:
-        """Asks for no wake, has no timer."""
+        """Do nothing; the task has no timer."""
         return NO_STEP
 
     def stop(self, t_ns: int) -> Step:
-        """Nothing to end."""
+        """Do nothing; no shutdown action."""
         return NO_STEP
 
-    def _remember(self, state: RobotState) -> None:
+    def _store_platform(self, state: RobotState) -> None:
         if self._platform and state.t_actual_ns <= self._platform[-1].t_ns:
-            return  # an old measurement says nothing new
+            return  # older than the newest sample
         self._platform.append(
             PlatformPoint(state.t_actual_ns, state.actual_m[0], state.actual_velocity_m_s[0])
         )
@@ -105,13 +101,13 @@ class VisionTask:
     def _sample(self, frame: Frame, at_ns: int) -> AngleSample:
         middle_ns = frame.t_exposure_start_ns + frame.exposure_ns // 2
         x_m = self._platform_at(middle_ns)
-        fit, reason = self._measured(frame, x_m)
+        fit, reason = self._measure(frame, x_m)
         offset = self._offset_at(x_m or 0.0)
         if reason is InvalidReason.NONE and not offset.within:
             reason = InvalidReason.OUT_OF_RANGE
         mean = None
         if reason is InvalidReason.NONE and fit.angle_rad is not None and fit.sigma_rad is not None:
-            t_ns = middle_ns + self._readout_ns(frame)
+            t_ns = middle_ns + self._readout_delay_ns(frame)
             mean = self._average.add(t_ns, fit.angle_rad - offset.offset_rad, fit.sigma_rad)
         else:
             self._average.restart()
@@ -134,28 +130,33 @@ class VisionTask:
             saturation=fit.saturation,
         )
 
-    def _measured(self, frame: Frame, x_m: float | None) -> tuple[Fit, InvalidReason]:
-        """What the tracker says of the frame; the tracker forgets where the cable was when it gets no picture."""
-        size = self._settings.height, self._settings.width
-        if frame.pixels.shape != (*size, 3)[: 3 if frame.encoding == "bgr8" else 2]:
+    def _measure(self, frame: Frame, x_m: float | None) -> tuple[Fit, InvalidReason]:
+        """Measure the angle of a frame; the tracker restarts after a frame it cannot use."""
+        shape: tuple[int, ...] = self._settings.height, self._settings.width
+        if frame.encoding == "bgr8":
+            shape = (*shape, 3)
+        if frame.pixels.shape != shape:
             self._tracker.forget()
             return Fit(), InvalidReason.BAD_IMAGE
         red = red_plane(frame.pixels)
         if x_m is None:
             self._tracker.forget()
             levels = grey_levels(red)
-            return Fit(
-                background=levels.background, saturation=levels.saturation
-            ), InvalidReason.NO_PLATFORM
+            fit = Fit(background=levels.background, saturation=levels.saturation)
+            return fit, InvalidReason.NO_PLATFORM
         fit = self._tracker.measure(red, self._pivot.pivot_px(x_m))
         return fit, InvalidReason(fit.reason.value)
 
     def _platform_at(self, t_ns: int) -> float | None:
-        """X of the platform at t_ns [m]: cubic Hermite between samples, constant velocity beyond; None too far from any."""
-        if (
-            not self._platform
-            or min(abs(t_ns - p.t_ns) for p in self._platform) > self._settings.max_extrapolation_ns
-        ):
+        """Interpolate X of the platform at t_ns [m].
+
+        Cubic Hermite between samples, constant velocity outside; None farther than
+        max_extrapolation_ns from all samples.
+        """
+        if not self._platform:
+            return None
+        nearest_ns = min(abs(t_ns - p.t_ns) for p in self._platform)
+        if nearest_ns > self._settings.max_extrapolation_ns:
             return None
         before = [p for p in self._platform if p.t_ns <= t_ns]
         after = [p for p in self._platform if p.t_ns > t_ns]
@@ -167,13 +168,16 @@ class VisionTask:
     def _offset_at(self, x_m: float) -> Offset:
         return self._offsets.at(x_m) if self._offsets else Offset(0.0, within=True)
 
-    def _readout_ns(self, frame: Frame) -> int:
-        """How long after row 0 the slope of a picture read row by row is true: row_ns (height - pivot row), first order."""
+    def _readout_delay_ns(self, frame: Frame) -> int:
+        """Delay of the angle after the exposure of row 0, for a rolling shutter [ns].
+
+        row_ns (height - pivot row), to first order.
+        """
         return round(frame.row_ns * (frame.height - self._settings.pivot_home_px[1]))
 
 
 def _hermite(a: PlatformPoint, b: PlatformPoint, t_ns: int) -> float:
-    """Cubic through both positions with both velocities, at a.t_ns <= t_ns <= b.t_ns [m]."""
+    """Evaluate the cubic through both positions and velocities at a.t_ns <= t_ns <= b.t_ns [m]."""
     h = (b.t_ns - a.t_ns) / NS_PER_S
     s = (t_ns - a.t_ns) / NS_PER_S / h
     rise = b.x_m - a.x_m
@@ -182,5 +186,5 @@ def _hermite(a: PlatformPoint, b: PlatformPoint, t_ns: int) -> float:
 
 
 def build(settings: bytes) -> VisionTask:
-    """The task from its settings in JSON."""
+    """Create the task from its settings in JSON."""
     return VisionTask(msgspec.json.decode(settings, type=VisionSettings))

@@ -262,7 +262,7 @@ def _link(row: LinkRow) -> LinkSummary:
         lost_link=c.lost_link,
         lost_kernel=c.lost_kernel,
         lost_queue=c.lost_queue,
-        unexplained=c.unexplained,
+        unexplained=c.unaccounted,
     )
 
 

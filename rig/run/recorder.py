@@ -72,7 +72,7 @@ class Recorder:
         """The settled ledger, then the stop metadata."""
         for channel, count in rows.items():
             self.record(
-                LinkRow(channel=channel, count=count, balanced=count.unexplained == 0), log_ns
+                LinkRow(channel=channel, count=count, balanced=count.unaccounted == 0), log_ns
             )
         self._log.close(stop)
 

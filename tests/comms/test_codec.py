@@ -1,4 +1,4 @@
-"""Every message survives the wire, and the bytes are the published ones."""
+"""Encoding and decoding of every message, and the published bytes."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from comms.channels import CHANNELS, Transport
-from comms.codec import Closing, bounds, decode, encode, encode_closing, length
+from comms.codec import Closing, decode, encode, encode_closing, length
 from comms.frames import with_pixels
+from comms.layouts import bounds
 from comms.messages import (
     AngleSample,
     Frame,
@@ -27,7 +28,15 @@ from comms.messages import (
     Setpoint,
     Truth,
 )
-from tests.comms.wire_words import HEADER, LENGTH, SESSION, WIRE, channels, messages, words
+from tests.comms.wire_reference import (
+    HEADER,
+    LENGTH,
+    SESSION,
+    WIRE,
+    channels,
+    field_values,
+    messages,
+)
 
 UNTIMED = settings(deadline=None)  # a busy machine is no failure
 STATE = RobotState(
@@ -162,11 +171,11 @@ def test_the_published_bytes_mean_header_values_and_crc(channel: str) -> None:
 
 
 @pytest.mark.parametrize("channel", GOLDEN)
-def test_the_published_bytes_are_read_as_the_message(channel: str) -> None:
+def test_the_published_bytes_decode_to_the_message(channel: str) -> None:
     message, _, published = GOLDEN[channel]
     got = decode(channel, bytes.fromhex(published), SESSION)
     assert type(got) is type(message)
-    assert words(got) == words(message)
+    assert field_values(got) == field_values(message)
 
 
 def test_a_closing_datagram_is_a_header_with_a_flag_and_the_count() -> None:
@@ -199,7 +208,7 @@ def test_every_message_survives_the_wire(case: tuple[str, Message], session: int
         got = with_pixels(got, memoryview(message.pixels.tobytes()))
         assert isinstance(got, Frame)
         assert np.array_equal(got.pixels, message.pixels)
-    assert words(got) == words(message)
+    assert field_values(got) == field_values(message)
     assert len(data) == length(channel) == LENGTH[channel]
 
 
@@ -225,7 +234,7 @@ def test_every_reason_has_a_code_of_its_own_and_an_absent_angle_stays_absent(
     assert decode("angle", encode("angle", message, SESSION), SESSION) == message
 
 
-def test_the_channels_that_travel_as_datagrams_are_all_covered_here() -> None:
+def test_every_channel_of_datagrams_is_covered_here() -> None:
     rows = {
         name: (row.id, row.message)
         for name, row in CHANNELS.items()

@@ -1,4 +1,4 @@
-"""What a link loses, how late it is, and that the ledger accounts for every packet."""
+"""Loss and delay of a link, and the balance of the ledger."""
 
 from __future__ import annotations
 
@@ -10,7 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from comms import link
-from comms.link import WINDOW, LinkCount, LinkFaults, LinkModel, SequenceWindow, settle
+from comms.link import (
+    WINDOW_PACKETS,
+    LinkCount,
+    LinkFaults,
+    LinkModel,
+    SequenceWindow,
+    merge_counts,
+)
 
 UNTIMED = settings(deadline=None)  # a busy machine is no failure
 MS = 1_000_000
@@ -31,34 +38,32 @@ seqs = st.integers(0, 2**32 - 1)
 
 
 def lost(model: LinkModel, packets: int = PACKETS) -> list[bool]:
-    """Which packets do not arrive."""
+    """Loss of each packet."""
     return [model.delay_ns(seq) is None for seq in range(packets)]
 
 
 def test_the_hash_is_splitmix64() -> None:
-    golden_gamma = (
-        0x9E3779B97F4A7C15  # the generator steps its state by this; our hash does so once
-    )
+    golden_gamma = 0x9E3779B97F4A7C15  # increment of the generator's state; the hash adds it once
     states = ((1234567 + k * golden_gamma) % 2**64 for k in range(5))
     assert tuple(link._mix(state) for state in states) == SPLITMIX64
 
 
 @UNTIMED
 @given(faults, st.integers(-(2**70), 2**70), st.integers(1, 10), st.lists(seqs, max_size=20))
-def test_the_fate_of_a_packet_depends_on_seed_channel_and_number_alone(
-    asked: LinkFaults, seed: int, channel_id: int, order: list[int]
+def test_delay_and_loss_of_a_packet_depend_on_seed_channel_and_number_alone(
+    configured: LinkFaults, seed: int, channel_id: int, order: list[int]
 ) -> None:
-    model = LinkModel(asked, seed, channel_id)
+    model = LinkModel(configured, seed, channel_id)
     in_this_order = {seq: model.delay_ns(seq) for seq in order}
     assert {
-        seq: LinkModel(asked, seed, channel_id).delay_ns(seq) for seq in reversed(order)
+        seq: LinkModel(configured, seed, channel_id).delay_ns(seq) for seq in reversed(order)
     } == in_this_order
 
 
 def test_other_seeds_and_other_channels_lose_other_packets() -> None:
-    asked = LinkFaults(loss=0.5)
+    configured = LinkFaults(loss=0.5)
     patterns = {
-        tuple(lost(LinkModel(asked, seed, channel), 64))
+        tuple(lost(LinkModel(configured, seed, channel), 64))
         for seed in range(-5, 5)
         for channel in range(1, 11)
     }
@@ -66,8 +71,11 @@ def test_other_seeds_and_other_channels_lose_other_packets() -> None:
 
 
 @pytest.mark.parametrize(("loss", "burst"), LOSSES)
-def test_the_share_of_lost_packets_is_the_one_asked_for(loss: float, burst: int) -> None:
-    """Packets are kept when none of `burst` coins fell; coins shared over lag k correlate them, the variance is exact."""
+def test_the_share_of_lost_packets_is_the_configured_one(loss: float, burst: int) -> None:
+    """A packet is kept if none of `burst` draws is a loss.
+
+    Packets at lag k share draws, which correlates them; the variance is exact.
+    """
     keep = (1 - loss) ** (1 / burst)
     covariances = [keep ** (burst + lag) - (1 - loss) ** 2 for lag in range(burst)]
     sigma = math.sqrt(
@@ -78,13 +86,15 @@ def test_the_share_of_lost_packets_is_the_one_asked_for(loss: float, burst: int)
 
 
 @pytest.mark.parametrize(("loss", "burst"), LOSSES)
-def test_losses_come_in_bursts_of_the_length_asked_for(loss: float, burst: int) -> None:
-    """A run begins where a coin falls after a kept packet, chance (1 - loss) p; so its mean length is loss / ((1 - loss) p)."""
+def test_losses_come_in_bursts_of_the_configured_length(loss: float, burst: int) -> None:
+    """A run of losses begins with a loss after a kept packet, probability (1 - loss) p.
+
+    Its mean length is therefore loss / ((1 - loss) p).
+    """
     p = 1 - (1 - loss) ** (1 / burst)
-    fates = lost(LinkModel(LinkFaults(loss=loss, burst=burst), 11, 4))
-    runs = [len(list(run)) for gone, run in itertools.groupby(fates) if gone][
-        1:-1
-    ]  # the outer ones may be cut
+    losses = lost(LinkModel(LinkFaults(loss=loss, burst=burst), 11, 4))
+    runs = [len(list(run)) for is_lost, run in itertools.groupby(losses) if is_lost]
+    runs = runs[1:-1]  # the outer ones may be cut
     assert min(runs) >= burst
     mean = loss / ((1 - loss) * p)
     sigma = math.sqrt(sum((n - mean) ** 2 for n in runs)) / len(runs)
@@ -94,13 +104,13 @@ def test_losses_come_in_bursts_of_the_length_asked_for(loss: float, burst: int) 
 @UNTIMED
 @given(faults, st.integers(0, 2**32), seqs)
 def test_a_packet_is_late_by_the_delay_and_at_most_the_jitter_more(
-    asked: LinkFaults, seed: int, seq: int
+    configured: LinkFaults, seed: int, seq: int
 ) -> None:
-    delay_ns = LinkModel(asked, seed, 5).delay_ns(seq)
+    delay_ns = LinkModel(configured, seed, 5).delay_ns(seq)
     if delay_ns is not None:
         low, high = (
-            round(asked.delay_ms * MS),
-            round(asked.delay_ms * MS) + round(asked.jitter_ms * MS),
+            round(configured.delay_ms * MS),
+            round(configured.delay_ms * MS) + round(configured.jitter_ms * MS),
         )
         assert low <= delay_ns <= high
 
@@ -108,8 +118,8 @@ def test_a_packet_is_late_by_the_delay_and_at_most_the_jitter_more(
 @pytest.mark.parametrize("loss", [0.0, 0.3])
 def test_jitter_is_uniform_over_its_width_whatever_is_lost(loss: float) -> None:
     model = LinkModel(LinkFaults(delay_ms=3, jitter_ms=8, loss=loss), 1, 1)
-    fates = (model.delay_ns(seq) for seq in range(PACKETS))
-    shares = sorted((delay_ns - 3 * MS) / (8 * MS) for delay_ns in fates if delay_ns is not None)
+    delays = (model.delay_ns(seq) for seq in range(PACKETS))
+    shares = sorted((delay_ns - 3 * MS) / (8 * MS) for delay_ns in delays if delay_ns is not None)
     gap = max(abs(share - (k + 0.5) / len(shares)) for k, share in enumerate(shares))
     assert gap < 1.95 / math.sqrt(len(shares))  # Kolmogorov-Smirnov, 0.1 %
 
@@ -125,30 +135,30 @@ def test_without_faults_everything_arrives_at_once() -> None:
 
 @UNTIMED
 @given(st.lists(st.integers(0, 300), max_size=200))
-def test_a_number_is_taken_once_and_only_when_it_is_the_newest(arrivals: list[int]) -> None:
+def test_a_number_is_accepted_once_and_only_if_it_is_the_newest(arrivals: list[int]) -> None:
     window, seen, newest = SequenceWindow(), set[int](), -1
     for seq in arrivals:
         if seq > newest:
             expected = None
-        elif seq in seen and newest - seq < WINDOW:
+        elif seq in seen and newest - seq < WINDOW_PACKETS:
             expected = "duplicate"
         else:
             expected = "old"
-        assert window.verdict(seq) == expected
+        assert window.register(seq) == expected
         seen.add(seq)
         newest = max(newest, seq)
 
 
 @UNTIMED
 @given(st.sets(seqs, min_size=1, max_size=50))
-def test_numbers_in_order_are_all_taken_however_far_apart(numbers: set[int]) -> None:
+def test_increasing_numbers_are_all_accepted_whatever_their_distance(numbers: set[int]) -> None:
     window = SequenceWindow()
-    assert [window.verdict(seq) for seq in sorted(numbers)] == [None] * len(numbers)
+    assert [window.register(seq) for seq in sorted(numbers)] == [None] * len(numbers)
 
 
 def test_a_number_from_the_far_past_is_old_and_so_is_its_copy() -> None:
     window = SequenceWindow()
-    assert [window.verdict(seq) for seq in (2**32 - 1, 0, 0, 2**32 - 1)] == [
+    assert [window.register(seq) for seq in (2**32 - 1, 0, 0, 2**32 - 1)] == [
         None,
         "old",
         "old",
@@ -156,29 +166,29 @@ def test_a_number_from_the_far_past_is_old_and_so_is_its_copy() -> None:
     ]
 
 
-fates = st.sampled_from(
+outcomes = st.sampled_from(
     ["delivered", "late", "copied", "crc", "old", "lost_link", "lost_queue", "lost_kernel"]
 )
 
 
 @UNTIMED
-@given(st.lists(fates, max_size=60))
-def test_the_ledger_balances_whatever_became_of_the_packets(packets: list[str]) -> None:
+@given(st.lists(outcomes, max_size=60))
+def test_the_ledger_balances_for_any_mix_of_outcomes(packets: list[str]) -> None:
     sender, receiver = LinkCount(), LinkCount()
-    for fate in packets:
+    for outcome in packets:
         sender.sent += 1
-        sender.lost_link += fate == "lost_link"
-        sender.lost_queue += fate == "lost_queue"
-        receiver.delivered += fate in ("delivered", "late", "copied")
-        receiver.late += fate == "late"
-        receiver.duplicated += fate == "copied"
-        receiver.lost_kernel += fate == "lost_kernel"
-        if fate in ("crc", "old"):
-            receiver.reject(fate)
-    row = settle(sender, receiver)
-    assert row.unexplained == 0
+        sender.lost_link += outcome == "lost_link"
+        sender.lost_queue += outcome == "lost_queue"
+        receiver.delivered += outcome in ("delivered", "late", "copied")
+        receiver.late += outcome == "late"
+        receiver.duplicated += outcome == "copied"
+        receiver.lost_kernel += outcome == "lost_kernel"
+        if outcome in ("crc", "old"):
+            receiver.reject(outcome)
+    row = merge_counts(sender, receiver)
+    assert row.unaccounted == 0
     assert row.lost_kernel == packets.count("lost_kernel")
-    assert row.lost == sum(fate.startswith("lost") for fate in packets)
+    assert row.lost == sum(outcome.startswith("lost") for outcome in packets)
     assert row.sent == len(packets)
     assert (row.late, row.duplicated) == (packets.count("late"), packets.count("copied"))
     assert row.rejected == {
@@ -188,15 +198,15 @@ def test_the_ledger_balances_whatever_became_of_the_packets(packets: list[str]) 
 
 @UNTIMED
 @given(st.integers(0, 50), st.integers(1, 5))
-def test_packets_of_strangers_are_counted_and_do_not_unbalance_the_ledger(
+def test_foreign_packets_are_counted_and_do_not_unbalance_the_ledger(
     sent: int, foreign: int
 ) -> None:
     receiver = LinkCount(delivered=sent, rejected={"session": foreign})
-    row = settle(LinkCount(sent=sent), receiver)
-    assert (row.unexplained, row.rejected) == (0, {"session": foreign})
+    row = merge_counts(LinkCount(sent=sent), receiver)
+    assert (row.unaccounted, row.rejected) == (0, {"session": foreign})
 
 
-def test_settling_leaves_both_ends_as_they_were() -> None:
+def test_merging_leaves_both_counts_unchanged() -> None:
     sender, receiver = LinkCount(sent=3), LinkCount(delivered=1, rejected={"crc": 1})
-    settle(sender, receiver).reject("crc")
+    merge_counts(sender, receiver).reject("crc")
     assert (sender, receiver) == (LinkCount(sent=3), LinkCount(delivered=1, rejected={"crc": 1}))

@@ -1,4 +1,4 @@
-"""The log says what was written, to us and to any MCAP tool, and says so when it was cut or damaged."""
+"""Log file: read as written, by read_log and by any MCAP tool; damage is reported."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from comms.link import LinkCount
 from comms.mcap_log import Log, LogWriter, json_schema, read_log
 from comms.messages import AngleSample, JointState, Reference, RobotState, Setpoint, Truth
 from comms.records import CompressedImage, Event, FrameStamp, LinkRow, Receipts, Stamp, TaskTiming
-from tests.comms.wire_words import messages
+from tests.comms.wire_reference import messages
 
 START = {"seed": "7", "purpose": "swing-free, we hope: θ = 0"}
 STOP = {"exit_status": "ok", "digest": "00"}
@@ -87,7 +87,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     return path.read_bytes()
 
 
-def test_every_record_is_read_as_it_was_written(tmp_path: Path) -> None:
+def test_every_record_is_read_unchanged(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     log = LogWriter(path, START)
     for k, (topic, record) in enumerate(RECORDS.items()):
@@ -104,7 +104,7 @@ def test_every_record_is_read_as_it_was_written(tmp_path: Path) -> None:
 
 @settings(deadline=None, max_examples=30)
 @given(messages("angle"), messages("truth"), messages("robot_state"))
-def test_messages_of_the_wire_are_read_as_they_were_written(
+def test_messages_of_the_channels_are_read_unchanged(
     tmp_path_factory: pytest.TempPathFactory, angle: AngleSample, truth: Truth, state: RobotState
 ) -> None:
     path = tmp_path_factory.getbasetemp() / "any.mcap"
@@ -157,7 +157,7 @@ def test_another_reader_finds_topics_schemas_stamps_and_attachments(
         ]
 
 
-def test_a_picture_is_base64_under_the_name_that_viewers_know(tmp_path: Path) -> None:
+def test_a_picture_is_base64_under_the_foxglove_schema_name(tmp_path: Path) -> None:
     path, image = tmp_path / "run.mcap", RECORDS["/camera/image"]
     assert isinstance(image, CompressedImage)
     log = LogWriter(path, START)
@@ -210,7 +210,7 @@ def test_start_is_on_disk_before_anything_else_is_written(tmp_path: Path) -> Non
     log = LogWriter(path, START)
     log.write("/setpoint", setpoint(0), 0, 0)
     left = tmp_path / "killed.mcap"
-    left.write_bytes(path.read_bytes())  # what a kill at this instant would leave
+    left.write_bytes(path.read_bytes())  # the file after a kill at this instant
     log.close(STOP)
     killed = read_log(left)
     assert killed.metadata == {"run.start": START}
@@ -218,7 +218,7 @@ def test_start_is_on_disk_before_anything_else_is_written(tmp_path: Path) -> Non
     assert not killed.complete
 
 
-def test_what_was_flushed_survives_a_kill(tmp_path: Path) -> None:
+def test_flushed_messages_survive_a_kill(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     log = LogWriter(path, START)
     log.write("/setpoint", setpoint(0), 0, 0)
@@ -238,7 +238,7 @@ def read_bytes(data: bytes, folder: Path) -> Log:
     try:
         return read_log(path)
     finally:
-        path.unlink()  # a new file is written ten times faster than an old one is cut and written again
+        path.unlink()  # writing a new file is ten times faster than truncating an old one
 
 
 def test_a_log_cut_anywhere_is_incomplete_or_no_log_and_holds_what_came_before(
@@ -274,11 +274,11 @@ def test_a_damaged_byte_is_noticed_or_harmless(small: bytes, tmp_path: Path, mas
             continue
         assert not log.complete or log == whole, f"byte {place}"
         noticed += not log.complete
-    assert noticed > len(small) / 3  # the rest is the summary, which we do not need
+    assert noticed > len(small) / 3  # the rest is the summary, which is not needed
 
 
 def test_a_damaged_chunk_is_left_out_and_the_others_are_read(small: bytes, tmp_path: Path) -> None:
-    """Even the first, which alone says what the channels are: the summary says it again."""
+    """The first chunk too, although it alone defines the channels: the summary repeats them."""
     damaged = bytearray(small)
     damaged[small.index(b"zstd") + 40] ^= 0xFF
     log = read_bytes(bytes(damaged), tmp_path)
@@ -288,7 +288,7 @@ def test_a_damaged_chunk_is_left_out_and_the_others_are_read(small: bytes, tmp_p
     assert not log.complete
 
 
-def test_a_changed_word_of_the_metadata_is_noticed(small: bytes, tmp_path: Path) -> None:
+def test_a_change_of_the_metadata_is_noticed(small: bytes, tmp_path: Path) -> None:
     log = read_bytes(small.replace(b"swing-free", b"swing-full"), tmp_path)
     assert "checksum" in log.damage
     assert not log.complete
@@ -303,7 +303,7 @@ def test_a_changed_word_of_the_metadata_is_noticed(small: bytes, tmp_path: Path)
         (lambda path: path.write_text("t_ns,angle_rad\n0,0.1\n"), "not an MCAP file"),
     ],
 )
-def test_what_is_not_a_log_is_said_so_with_its_path(
+def test_a_file_that_is_not_a_log_is_refused_with_its_path(
     tmp_path: Path, spoil: Callable[[Path], object], words: str
 ) -> None:
     path = tmp_path / "run.mcap"
@@ -313,10 +313,10 @@ def test_what_is_not_a_log_is_said_so_with_its_path(
     assert str(path) in str(raised.value)
 
 
-def test_a_log_of_somebody_else_is_not_taken_for_a_run(tmp_path: Path) -> None:
+def test_a_foreign_mcap_file_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     log = LogWriter(path, START)
     log.close(STOP)
     path.write_bytes(path.read_bytes().replace(b"run.start", b"run.other"))
-    with pytest.raises(LogError, match="not a run of ours"):
+    with pytest.raises(LogError, match=r"without 'run\.start'; .*name a run folder"):
         read_log(path)

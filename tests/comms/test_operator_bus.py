@@ -1,4 +1,4 @@
-"""The operator's wires: orders down, answers, taps and pictures up, and nothing that arrives breaks them."""
+"""Operator bus: commands, replies, telemetry and pictures; invalid data is ignored."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ RECORDS = (
 
 @pytest.fixture
 def context() -> Iterator[Context]:
-    """A ZeroMQ context that is gone after the test, whatever is still under way."""
+    """A ZeroMQ context, destroyed after the test with all its sockets."""
     context = zmq.Context()
     yield context
     context.destroy(0)
@@ -47,16 +47,16 @@ def operator(context: Context) -> Iterator[OperatorBus]:
 
 @pytest.fixture
 def vision(context: Context, operator: OperatorBus) -> Iterator[TaskBus]:
-    """The end of a task named vision, which the operator has heard of."""
-    bus = TaskBus(context, "vision", operator.commands, operator.taps, operator.pictures)
+    """The end of a task named vision, known to the operator."""
+    bus = TaskBus(context, "vision", operator.commands, operator.telemetry, operator.pictures)
     bus.hello()
-    assert heard(operator, 1) == [(b"vision", Hello())]
+    assert received(operator, 1) == [(b"vision", Hello())]
     yield bus
     bus.close()
 
 
-def heard(operator: OperatorBus, count: int) -> list[tuple[bytes, object]]:
-    """The next `count` things the operator hears."""
+def received(operator: OperatorBus, count: int) -> list[tuple[bytes, object]]:
+    """The next `count` messages that the operator receives."""
     got: list[tuple[bytes, object]] = []
     for _ in range(LOOKS):
         got += operator.drain()
@@ -67,8 +67,8 @@ def heard(operator: OperatorBus, count: int) -> list[tuple[bytes, object]]:
     return got
 
 
-def ordered(task: TaskBus, count: int) -> list[Command | None]:
-    """The next `count` orders and heartbeats a task hears."""
+def commands(task: TaskBus, count: int) -> list[Command | None]:
+    """The next `count` commands and heartbeats that a task receives."""
     poller, got = zmq.Poller(), list[Command | None]()
     poller.register(task.fileno(), zmq.POLLIN)
     for _ in range(LOOKS):
@@ -80,59 +80,58 @@ def ordered(task: TaskBus, count: int) -> list[Command | None]:
     return got
 
 
-def test_orders_and_heartbeats_reach_the_task_they_are_for(
+def test_commands_and_heartbeats_reach_the_addressed_task(
     operator: OperatorBus, vision: TaskBus
 ) -> None:
     start = Command(seq=1, t_ns=5, id=1, to="vision", verb=Verb.START, t_start_ns=600)
-    operator.send(
-        Command(seq=0, t_ns=5, id=1, to="bench", verb=Verb.START)
-    )  # nobody of that name: goes nowhere
+    # a task that is not connected: dropped
+    operator.send(Command(seq=0, t_ns=5, id=1, to="bench", verb=Verb.START))
     operator.heartbeat("vision")
     operator.send(start)
-    assert ordered(vision, 2) == [None, start]
+    assert commands(vision, 2) == [None, start]
 
 
-def test_a_reply_and_every_kind_of_record_arrive_as_they_were_said(
+def test_a_reply_and_every_kind_of_record_arrive_unchanged(
     operator: OperatorBus, vision: TaskBus
 ) -> None:
     vision.reply(REPLY)
     for record in RECORDS:
         vision.record(record)
-    assert heard(operator, 5) == [
+    assert received(operator, 5) == [
         (b"vision", REPLY),
         *((b"vision", Record(record)) for record in RECORDS),
     ]
 
 
-def test_taps_arrive_in_order_once_flushed_and_pictures_at_once(
+def test_telemetry_arrives_in_order_once_flushed_and_pictures_at_once(
     operator: OperatorBus, vision: TaskBus
 ) -> None:
-    vision.tap("angle", b"\0datagram")
-    vision.tap("frame", b"")
-    vision.flush_taps()
-    vision.flush_taps()  # nothing is left to send
-    assert heard(operator, 2) == [
+    vision.add_telemetry("angle", b"\0datagram")
+    vision.add_telemetry("frame", b"")
+    vision.flush_telemetry()
+    vision.flush_telemetry()  # the batch is empty
+    assert received(operator, 2) == [
         (b"", Telemetry("angle", b"\0datagram", None)),
         (b"", Telemetry("frame", b"", None)),
     ]
     vision.picture("frame", b"head", b"pixels")
-    assert heard(operator, 1) == [(b"", Telemetry("frame", b"head", b"pixels"))]
-    assert (vision.dropped_taps, vision.dropped_pictures) == (0, 0)
+    assert received(operator, 1) == [(b"", Telemetry("frame", b"head", b"pixels"))]
+    assert (vision.dropped_telemetry, vision.dropped_pictures) == (0, 0)
 
 
-def test_what_the_operator_cannot_follow_is_dropped_and_counted(
+def test_telemetry_and_pictures_beyond_the_queue_are_dropped_and_counted(
     context: Context, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("comms.operator_bus.TAP_HIGH_WATER", 5)
+    monkeypatch.setattr("comms.operator_bus.TELEMETRY_HIGH_WATER", 5)
     monkeypatch.setattr("comms.operator_bus.LINGER_MS", 0)
     nobody = "tcp://127.0.0.1:9"  # the discard port, where nobody listens
     task = TaskBus(context, "vision", nobody, nobody, nobody)
     for _ in range(8):
-        task.tap("angle", b"")
-        task.tap("angle", b"")
-        task.flush_taps()
+        task.add_telemetry("angle", b"")
+        task.add_telemetry("angle", b"")
+        task.flush_telemetry()
         task.picture("frame", b"", b"")
-    assert (task.dropped_taps, task.dropped_pictures) == (2 * 3, 6)  # pictures keep two
+    assert (task.dropped_telemetry, task.dropped_pictures) == (2 * 3, 6)  # pictures keep two
     task.close()
 
 
@@ -143,7 +142,7 @@ NOISE = [
     [b"reply", b"{}"],
     [b"reply", b'{"seq":-1,"t_ns":0,"id":0,"sender":"x","ok":true,"phase":"idle"}'],
     [b"reply", b'{"x":' + b"[" * 100_000],
-    [b"Timing", b"\xff"],
+    [b"TaskTiming", b"\xff"],
     [b"Nothing", b"{}"],
     [b"\xff\xfe", b"{}"],
     [b"", b"\xff"],
@@ -151,24 +150,22 @@ NOISE = [
 ]
 
 
-def test_what_is_not_said_in_our_words_is_passed_over(
-    context: Context, operator: OperatorBus
-) -> None:
+def test_invalid_messages_are_ignored(context: Context, operator: OperatorBus) -> None:
     stranger = context.socket(zmq.DEALER)
     stranger.setsockopt(zmq.IDENTITY, b"stranger")
     stranger.connect(operator.commands)
     for parts in (*NOISE, [b"hello"]):
         stranger.send_multipart(parts)
-    assert heard(operator, 1) == [(b"stranger", Hello())]
+    assert received(operator, 1) == [(b"stranger", Hello())]
     stranger.close()
 
 
 @pytest.mark.parametrize("parts", [[b""], [b"angle"], [b"\xff", b"", b""], [b"nothing", b"", b""]])
-def test_a_tap_that_is_not_one_is_passed_over(
+def test_invalid_telemetry_is_ignored(
     context: Context, operator: OperatorBus, parts: list[bytes]
 ) -> None:
     for address, good in (
-        (operator.taps, [b"angle", b"good"]),
+        (operator.telemetry, [b"angle", b"good"]),
         (operator.pictures, [b"angle", b"good", b"pixels"]),
     ):
         stranger = context.socket(zmq.PUSH)
@@ -176,7 +173,7 @@ def test_a_tap_that_is_not_one_is_passed_over(
         stranger.send_multipart(parts)
         stranger.send_multipart(good)
         pixels = good[2] if len(good) == 3 else None
-        assert heard(operator, 1) == [(b"", Telemetry("angle", b"good", pixels))]
+        assert received(operator, 1) == [(b"", Telemetry("angle", b"good", pixels))]
         stranger.close()
 
 
@@ -186,14 +183,14 @@ def test_a_second_terminal_gets_its_answer(operator: OperatorBus) -> None:
         target=lambda: answers.append(ask(operator.commands, "stop", LOOKS * LOOK_MS))
     )
     terminal.start()
-    ((client, request),) = heard(operator, 1)
+    ((client, request),) = received(operator, 1)
     assert request == "stop"
     operator.answer(client, "stopping")
     terminal.join(LOOKS * LOOK_MS / 1000)
     assert answers == ["stopping"]
 
 
-def test_a_question_to_nobody_is_given_up_in_time() -> None:
+def test_a_request_without_an_operator_gives_none_after_the_timeout() -> None:
     assert ask("tcp://127.0.0.1:9", "stop", timeout_ms=20) is None
 
 
@@ -203,11 +200,13 @@ def test_a_fixed_port_takes_the_two_above_it_too(context: Context) -> None:
         port for port in ports if all(port_is_free(HOST, port + k, udp=False) for k in (1, 2))
     )
     bus = OperatorBus(context, HOST, port)
-    assert [bus.commands, bus.taps, bus.pictures] == [f"tcp://{HOST}:{port + k}" for k in range(3)]
+    assert [bus.commands, bus.telemetry, bus.pictures] == [
+        f"tcp://{HOST}:{port + k}" for k in range(3)
+    ]
     bus.close()
 
 
 def test_a_port_in_use_is_named_with_what_to_do(context: Context, operator: OperatorBus) -> None:
-    port = int(operator.taps.rpartition(":")[2])
+    port = int(operator.telemetry.rpartition(":")[2])
     with pytest.raises(PortInUse, match=rf"TCP port {port} on {HOST} .*network\.base_port"):
         OperatorBus(context, HOST, port)

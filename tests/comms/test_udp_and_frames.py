@@ -1,4 +1,4 @@
-"""Datagrams and pictures over the loopback: nothing lost without a count, nothing taken that does not fit."""
+"""Datagrams and frames over the loopback: every loss is counted, invalid data is rejected."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from comms.frames import FrameReceiver, FrameSender, with_pixels
 from comms.messages import Frame
 from comms.operator_bus import Context
 from comms.udp import UdpReceiver, UdpSender, free_port, port_is_free
-from tests.comms.wire_words import SESSION, words
-from tests.comms.wire_words import frames as any_frame
+from tests.comms.wire_reference import SESSION, field_values
+from tests.comms.wire_reference import frames as any_frame
 
 HOST = "127.0.0.1"
 WAIT_S = 5.0  # far beyond what the loopback needs; only a failure takes it
@@ -27,7 +27,7 @@ LOOKS = 100
 
 
 def picture(seq: int = 0, height: int = 48, width: int = 64) -> Frame:
-    """A grey picture of random pixels."""
+    """A grey frame of random pixels."""
     pixels = np.random.default_rng(seq).integers(0, 256, (height, width), np.uint8)
     times = {"t_ns": 30, "t_exposure_start_ns": 20, "exposure_ns": 10, "row_ns": 0}
     return Frame(
@@ -42,10 +42,10 @@ def picture(seq: int = 0, height: int = 48, width: int = 64) -> Frame:
 
 
 def arrivals(receiver: UdpReceiver, last: bytes) -> list[bytes]:
-    """Everything up to and with the datagram `last`."""
+    """Datagrams up to and with `last`."""
     got: list[bytes] = []
     while last not in got:
-        assert select.select([receiver], [], [], WAIT_S)[0], "the last datagram never came"
+        assert select.select([receiver], [], [], WAIT_S)[0], "the last datagram did not arrive"
         got += receiver.drain()
     return got
 
@@ -60,7 +60,7 @@ def receiver() -> Iterator[UdpReceiver]:
 
 @pytest.fixture
 def context() -> Iterator[Context]:
-    """A ZeroMQ context that is gone after the test, whatever is still under way."""
+    """A ZeroMQ context, destroyed after the test with all its sockets."""
     context = zmq.Context()
     yield context
     context.destroy(0)
@@ -77,16 +77,16 @@ def test_datagrams_arrive_whole_and_in_order(receiver: UdpReceiver) -> None:
 
 
 @pytest.mark.parametrize("flood", [300, 2000])
-def test_the_kernel_counts_exactly_what_it_dropped_for_want_of_room(
+def test_the_kernel_counts_the_datagrams_dropped_for_a_full_buffer(
     flood: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(udp, "RECEIVE_BUFFER_BYTES", 16_384)
     receiver = UdpReceiver(HOST, 0, "angle")
     sender = UdpSender(HOST, receiver.port)
-    for k in range(flood):  # nobody reads
+    for k in range(flood):  # not read
         assert sender.send(k.to_bytes(4, "little") + bytes(120))
     read = list(receiver.drain())
-    assert receiver.kernel_drops == 0  # the count rides on the next datagram that finds room
+    assert receiver.kernel_drops == 0  # the count comes with the next datagram received
     sender.send(b"last")
     read += arrivals(receiver, b"last")
     assert 0 < receiver.kernel_drops == flood + 1 - len(read)
@@ -94,7 +94,7 @@ def test_the_kernel_counts_exactly_what_it_dropped_for_want_of_room(
     receiver.close()
 
 
-def test_a_pass_takes_a_bounded_number_of_datagrams(receiver: UdpReceiver) -> None:
+def test_a_drain_reads_a_bounded_number_of_datagrams(receiver: UdpReceiver) -> None:
     sender = UdpSender(HOST, receiver.port)
     sent = [k.to_bytes(2, "little") for k in range(udp.DRAIN_LIMIT + 10)]
     for data in sent:
@@ -105,7 +105,7 @@ def test_a_pass_takes_a_bounded_number_of_datagrams(receiver: UdpReceiver) -> No
     assert first + arrivals(receiver, sent[-1]) == sent
 
 
-def test_a_datagram_longer_than_any_of_ours_is_cut_and_never_breaks_the_receiver(
+def test_a_datagram_longer_than_the_maximum_is_cut(
     receiver: UdpReceiver,
 ) -> None:
     sender = UdpSender(HOST, receiver.port)
@@ -115,7 +115,7 @@ def test_a_datagram_longer_than_any_of_ours_is_cut_and_never_breaks_the_receiver
     assert arrivals(receiver, b"last") == [bytes(udp.MAX_DATAGRAM_BYTES), b"last"]
 
 
-def test_a_datagram_that_the_system_does_not_take_is_told(receiver: UdpReceiver) -> None:
+def test_a_datagram_that_the_system_refuses_is_reported(receiver: UdpReceiver) -> None:
     sender = UdpSender(HOST, receiver.port)
     assert not sender.send(bytes(70_000))  # beyond what UDP can carry
     assert sender.send(b"next")
@@ -141,15 +141,14 @@ def test_a_port_is_free_until_it_is_bound_and_again_after(receiver: UdpReceiver)
 
 
 def pulled(receiver: FrameReceiver, count: int) -> list[Frame | Closing | Reject]:
-    """The next `count` things a frame receiver says."""
+    """The next `count` items of a frame receiver."""
     got: list[Frame | Closing | Reject] = []
     for _ in range(LOOKS):
         got += receiver.drain()
         if len(got) >= count:
             break
-        select.select(
-            [receiver], [], [], WAIT_S / LOOKS
-        )  # a ZeroMQ descriptor may not tell: look again
+        # an edge of a ZeroMQ descriptor can be missed, hence the short timeout
+        select.select([receiver], [], [], WAIT_S / LOOKS)
     assert len(got) == count
     return got
 
@@ -165,7 +164,7 @@ def test_pictures_arrive_with_their_pixels_and_the_closing_count(context: Contex
     assert closing == Closing(3)
     for frame, original in zip(got, sent, strict=True):
         assert isinstance(frame, Frame)
-        assert words(frame) == words(original)
+        assert field_values(frame) == field_values(original)
         assert np.array_equal(frame.pixels, original.pixels)
         assert not frame.pixels.flags.writeable
     receiver.close()
@@ -187,7 +186,7 @@ def test_a_picture_cut_out_of_a_larger_one_arrives_with_its_own_pixels(context: 
     receiver.close()
 
 
-def test_what_is_not_a_head_and_its_pixels_is_refused(context: Context) -> None:
+def test_parts_other_than_a_header_and_its_pixels_are_refused(context: Context) -> None:
     port = free_port(HOST, udp=False)
     receiver = FrameReceiver(context, HOST, port, "frame", SESSION)
     stranger = context.socket(zmq.PUSH)
@@ -221,7 +220,7 @@ def test_what_is_not_a_head_and_its_pixels_is_refused(context: Context) -> None:
 
 @given(any_frame())
 @settings(deadline=None)
-def test_head_and_pixels_become_the_picture_again(frame: Frame) -> None:
+def test_header_and_pixels_are_joined_to_the_frame(frame: Frame) -> None:
     data = memoryview(frame.pixels.tobytes())
     whole = with_pixels(msgspec.structs.replace(frame, pixels=np.empty((0, 0), np.uint8)), data)
     assert isinstance(whole, Frame)
@@ -229,7 +228,7 @@ def test_head_and_pixels_become_the_picture_again(frame: Frame) -> None:
     assert with_pixels(frame, data[1:]) is Reject.LENGTH
 
 
-def test_pictures_for_nobody_fill_the_queue_and_are_then_refused_at_once(
+def test_frames_without_a_receiver_fill_the_queue_and_are_then_refused_at_once(
     context: Context, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(frames, "LINGER_MS", 0)

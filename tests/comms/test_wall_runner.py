@@ -1,4 +1,4 @@
-"""One task behind real sockets: admitted, ordered, answered, accounted for, and never left alone with the robot."""
+"""Runner with real sockets: start, commands, replies, ledger, and the loss of the operator."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from comms import frames, operator_bus, runner
 from comms.channels import DATA
 from comms.clock import MonotonicClock, new_run_clock
 from comms.codec import Closing, decode, encode, encode_closing
-from comms.link import LinkCount, LinkFaults, LinkModel, settle
+from comms.link import LinkCount, LinkFaults, LinkModel, merge_counts
 from comms.messages import Command, Message, Phase, Reference, Reply, RobotState, Truth, Verb
 from comms.operator_bus import Context, Hello, OperatorBus, Record, StreamEnd, Telemetry
 from comms.records import LinkRow, Receipts, TaskTiming
 from comms.runner import ORPHANED, WallRunner, Wiring
 from comms.task import NO_STEP, Send, Step
 from comms.udp import UdpReceiver, UdpSender, free_port
-from tests.comms.wire_words import SESSION, Gate
+from tests.comms.wire_reference import SESSION, Gate
 
 HOST, MS = "127.0.0.1", 1_000_000
 LOOKS, LOOK_MS = 250, 20  # five seconds in all; only a failure takes them
@@ -31,22 +31,26 @@ ZERO = (0.0, 0.0, 0.0)
 
 
 class Echo:
-    """A controller that answers each Reference with a RobotState of the same number, and says a last one when stopped."""
+    """Controller that answers each Reference with a RobotState of the same sequence number.
+
+    It sends a last one when stopped.
+    """
 
     name = "controller"
 
     def __init__(self) -> None:
         self.late_ticks = 0
         self.started = self.stopped = False
-        self.wakes: list[tuple[int, int]] = []  # asked for, served at
+        self.wakes: list[tuple[int, int]] = []  # (requested, served) [ns]
 
     def start(self, t_ns: int) -> Step:
-        """Ask for the first tick."""
-        self.started, self._asked_ns = True, t_ns + 5 * MS
-        return Step(wake_ns=self._asked_ns)
+        """Request the first tick."""
+        self.started = True
+        self._wake_ns = t_ns + 5 * MS
+        return Step(wake_ns=self._wake_ns)
 
     def on_message(self, channel: str, message: Message, t_ns: int) -> Step:
-        """Answer orders by their verb, references by their number; estop is a wish to end with code 4."""
+        """Answer commands by their verb, references by their number; estop exits with code 4."""
         if isinstance(message, Command):
             text = message.verb.value
             reply = Reply(
@@ -64,24 +68,24 @@ class Echo:
         return Step([Send("robot_state", state(message.seq, t_ns), t_ns)])
 
     def on_tick(self, t_ns: int) -> Step:
-        """Note the time and ask again."""
-        self.wakes.append((self._asked_ns, t_ns))
-        self._asked_ns = t_ns + 5 * MS
-        return Step(wake_ns=self._asked_ns)
+        """Record the time and request the next tick."""
+        self.wakes.append((self._wake_ns, t_ns))
+        self._wake_ns = t_ns + 5 * MS
+        return Step(wake_ns=self._wake_ns)
 
     def stop(self, t_ns: int) -> Step:
-        """The last word."""
+        """Send the last state."""
         self.stopped = True
         return Step([Send("robot_state", state(PACKETS, t_ns), t_ns)])
 
 
 class Bench(Echo):
-    """A simulated bench that tells one truth when asked for its status."""
+    """Simulated bench that sends one truth on each message."""
 
     name = "bench"
 
     def on_message(self, channel: str, message: Message, t_ns: int) -> Step:
-        """The reply of an echo, and the truth."""
+        """Send a truth, and the reply of Echo."""
         truth = Truth(
             seq=0,
             t_ns=t_ns,
@@ -94,7 +98,7 @@ class Bench(Echo):
         return step._replace(sends=[Send("truth", truth, t_ns), *step.sends])
 
     def stop(self, t_ns: int) -> Step:
-        """Nothing to say."""
+        """No shutdown action."""
         return NO_STEP
 
 
@@ -112,12 +116,12 @@ def state(seq: int, t_ns: int) -> RobotState:
 
 
 def reference(seq: int) -> bytes:
-    """A reference as it travels."""
+    """An encoded reference."""
     return encode("reference", Reference(seq=seq, t_ns=0, t_target_ns=0, position_m=ZERO), SESSION)
 
 
 class Operator:
-    """The test's side of a run: the bus, the other ends of the channels, and the runner in a thread."""
+    """Test side of a run: the bus, the other ends of the channels, the runner in a thread."""
 
     def __init__(self, context: Context, task: Echo) -> None:
         self.bus, self.task = OperatorBus(context, HOST), task
@@ -138,7 +142,7 @@ class Operator:
             host=HOST,
             ports=self.ports,
             commands=self.bus.commands,
-            taps=self.bus.taps,
+            telemetry=self.bus.telemetry,
             pictures=self.bus.pictures,
             faults={"robot_state": LOSSY},
         )
@@ -153,27 +157,27 @@ class Operator:
         )
 
     def hears(self, wanted: type, count: int = 1) -> None:
-        """Listen until so many of a kind were said; once the task is there, live."""
+        """Read until `count` messages of a type arrived; send heartbeats after the Hello."""
         for _ in range(LOOKS):
-            self.heard += [said for _, said in self.bus.drain()]
+            self.heard += [message for _, message in self.bus.drain()]
             if len(self.all(wanted)) >= count:
                 return
             if self.all(Hello):
                 self.bus.heartbeat(self.task.name)
             self.bus.wait(LOOK_MS)
-        pytest.fail(f"{count} x {wanted.__name__} wanted, heard {self.heard}")
+        pytest.fail(f"{count} x {wanted.__name__} expected, received {self.heard}")
 
     def all(self, wanted: type) -> list[object]:
-        """Everything of a kind that was said; a record by its own kind."""
-        said = [word.record if isinstance(word, Record) else word for word in self.heard]
-        return [word for word in said if isinstance(word, wanted)]
+        """All messages of a type that arrived; a record by its own type."""
+        found = [m.record if isinstance(m, Record) else m for m in self.heard]
+        return [message for message in found if isinstance(message, wanted)]
 
     def rows(self) -> dict[str, LinkCount]:
         """The link rows of the closing report."""
         return {row.channel: row.count for row in self.all(LinkRow) if isinstance(row, LinkRow)}
 
     def exit_code(self) -> int:
-        """What the runner returned."""
+        """Exit code that the runner returned."""
         assert self._thread is not None
         self._thread.join(LOOKS * LOOK_MS / 1000)
         assert not self._thread.is_alive()
@@ -182,28 +186,28 @@ class Operator:
 
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nobody closes the task's inputs or takes its frames: do not wait long for that."""
+    """Short timeouts for a task whose inputs are not closed and whose frames are not read."""
     monkeypatch.setattr(runner, "DRAIN_NS", 20 * MS)
     monkeypatch.setattr(frames, "LINGER_MS", 0)
 
 
 @pytest.fixture
 def alone(quick: None, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nobody hears the closing report either, and the bounds of a lab fit the time of a test."""
+    """Short timeouts for a task without an operator."""
     monkeypatch.setattr(operator_bus, "LINGER_MS", 0)
-    monkeypatch.setattr(runner, "OPERATOR_SILENT_NS", 100 * MS)
-    monkeypatch.setattr(runner, "ADMISSION_NS", 100 * MS)
+    monkeypatch.setattr(runner, "OPERATOR_TIMEOUT_NS", 100 * MS)
+    monkeypatch.setattr(runner, "START_TIMEOUT_NS", 100 * MS)
 
 
 def operator_of(task: Echo) -> Iterator[Operator]:
-    """An operator and the end of everything after the test."""
+    """An operator; its sockets are closed after the test."""
     context: Context = zmq.Context()
     operator = Operator(context, task)
     yield operator
     operator.states.close()
     operator.bus.close()
     context.destroy(0)
-    gc.unfreeze()  # the runner freezes what it finds in its process
+    gc.unfreeze()  # the runner freezes the objects of its process
 
 
 @pytest.fixture
@@ -219,16 +223,16 @@ def bench_operator(quick: None) -> Iterator[Operator]:
 
 
 def echoes(operator: Operator) -> tuple[Gate, list[RobotState], list[int], Closing]:
-    """What comes back on robot_state, up to the closing datagram, through a gate like the streamer's."""
+    """Messages on robot_state up to the closing datagram, with their counts and ages."""
     gate, got, ages_ns = Gate("robot_state"), list[RobotState](), list[int]()
     for _ in range(LOOKS):
         select.select([operator.states], [], [], LOOK_MS / 1000)
         for data in operator.states.drain():
             now_ns = operator.clock.now_ns()
-            said = decode("robot_state", data, SESSION)
-            if isinstance(said, Closing):
-                return gate, got, ages_ns, said
-            message, _ = gate.admit(said, now_ns, late_ns=10**9)
+            item = decode("robot_state", data, SESSION)
+            if isinstance(item, Closing):
+                return gate, got, ages_ns, item
+            message, _ = gate.admit(item, now_ns, late_ns=10**9)
             if isinstance(message, RobotState):
                 got.append(message)
                 ages_ns.append(now_ns - message.t_ns)
@@ -236,14 +240,14 @@ def echoes(operator: Operator) -> tuple[Gate, list[RobotState], list[int], Closi
 
 
 def close_inputs(operator: Operator, references: UdpSender, count: int) -> None:
-    """Say on both of the controller's inputs that nothing more comes."""
+    """Send the closing datagram on both inputs of the controller."""
     references.send(encode_closing("reference", count, 0, SESSION))
     joints = UdpSender(HOST, operator.ports["joint_state"])
     joints.send(encode_closing("joint_state", 0, 0, SESSION))
     joints.close()
 
 
-def test_a_task_is_admitted_ordered_answered_and_leaves_a_balanced_ledger(
+def test_a_task_starts_answers_commands_and_leaves_a_balanced_ledger(
     operator: Operator,
 ) -> None:
     operator.launch()
@@ -256,12 +260,10 @@ def test_a_task_is_admitted_ordered_answered_and_leaves_a_balanced_ledger(
 
     references = UdpSender(HOST, operator.ports["reference"])
     sent = [reference(seq) for seq in range(PACKETS)]
-    for data in (
-        *sent,
-        sent[-1],
-        sent[0][:-1],
-        reference(0)[:-4] + b"\0\0\0\0",
-    ):  # a copy, one cut, one with a wrong CRC
+    copy = sent[-1]
+    cut = sent[0][:-1]
+    wrong_crc = reference(0)[:-4] + b"\0\0\0\0"
+    for data in (*sent, copy, cut, wrong_crc):
         references.send(data)
     operator.hears(Telemetry, PACKETS)
     close_inputs(operator, references, PACKETS + 3)
@@ -280,21 +282,20 @@ def test_a_task_is_admitted_ordered_answered_and_leaves_a_balanced_ledger(
         duplicated=1,
         rejected={"length": 1, "crc": 1},
     )
-    assert (
-        settle(LinkCount(sent=PACKETS + 1), rows["reference"]).unexplained == 0
-    )  # copy and cut one are nobody's
+    # neither the copy nor the cut one counts as sent
+    assert merge_counts(LinkCount(sent=PACKETS + 1), rows["reference"]).unaccounted == 0
     model = LinkModel(LOSSY, 5, 6)
     kept = [seq for seq in range(PACKETS + 1) if model.delay_ns(seq) is not None]
-    assert [
-        message.seq for message in got
-    ] == kept  # the last word among them, sent while it stopped
+    assert [message.seq for message in got] == kept  # with the last one, sent at the stop
     assert rows["robot_state"] == LinkCount(sent=PACKETS + 1, lost_link=PACKETS + 1 - len(kept))
     assert closing == Closing(len(kept))
-    assert settle(rows["robot_state"], gate.count).unexplained == 0
-    assert min(ages_ns) >= 15 * MS  # the delay asked for; never early
+    assert merge_counts(rows["robot_state"], gate.count).unaccounted == 0
+    assert min(ages_ns) >= 15 * MS  # the configured delay; never early
 
 
-def test_every_message_is_tapped_once_and_every_receipt_is_written(operator: Operator) -> None:
+def test_every_message_is_copied_to_telemetry_once_and_every_receipt_is_written(
+    operator: Operator,
+) -> None:
     operator.launch()
     operator.hears(Hello)
     references = UdpSender(HOST, operator.ports["reference"])
@@ -307,19 +308,17 @@ def test_every_message_is_tapped_once_and_every_receipt_is_written(operator: Ope
     operator.hears(StreamEnd, 2)
     assert operator.exit_code() == 0
     operator.hears(Telemetry, 3)
-    taps = [
-        decode(tap.channel, tap.data, SESSION)
-        for tap in operator.all(Telemetry)
-        if isinstance(tap, Telemetry)
+    copies = [
+        decode(copy.channel, copy.data, SESSION)
+        for copy in operator.all(Telemetry)
+        if isinstance(copy, Telemetry)
     ]
-    assert [tap.seq for tap in taps if isinstance(tap, RobotState)] == [
-        0,
-        2,
-        PACKETS,
-    ]  # also those the link then lost
-    rows = [
-        row for word in operator.all(Receipts) if isinstance(word, Receipts) for row in word.rows
-    ]
+    numbers = [copy.seq for copy in copies if isinstance(copy, RobotState)]
+    assert numbers == [0, 2, PACKETS]  # including those that the link loses
+    rows = []
+    for record in operator.all(Receipts):
+        assert isinstance(record, Receipts)
+        rows += record.rows
     assert [(seq, outcome) for seq, _, outcome in rows] == [
         (0, ""),
         (2, ""),
@@ -328,7 +327,7 @@ def test_every_message_is_tapped_once_and_every_receipt_is_written(operator: Ope
     ]
 
 
-def test_no_tick_comes_early_and_the_lateness_of_each_is_told(
+def test_no_tick_is_early_and_the_lateness_of_each_is_recorded(
     operator: Operator, quick: None
 ) -> None:
     operator.launch()
@@ -337,15 +336,13 @@ def test_no_tick_comes_early_and_the_lateness_of_each_is_told(
     operator.order(Verb.CLOSE, 1)
     operator.hears(StreamEnd, 2)
     assert operator.exit_code() == 0
-    told = [
-        late
-        for word in operator.all(TaskTiming)
-        if isinstance(word, TaskTiming)
-        for late in word.lateness_ns
-    ]
+    lateness_ns = []
+    for record in operator.all(TaskTiming):
+        assert isinstance(record, TaskTiming)
+        lateness_ns += record.lateness_ns
     wakes = operator.task.wakes
-    assert all(asked_ns <= served_ns for asked_ns, served_ns in wakes)
-    assert told == [served_ns - asked_ns for asked_ns, served_ns in wakes]
+    assert all(requested_ns <= served_ns for requested_ns, served_ns in wakes)
+    assert lateness_ns == [served_ns - requested_ns for requested_ns, served_ns in wakes]
 
 
 def test_a_task_may_end_the_run_with_a_code_of_its_own(operator: Operator, quick: None) -> None:
@@ -367,13 +364,12 @@ def test_the_truth_goes_to_the_operator_and_into_the_ledger(bench_operator: Oper
     operator.order(Verb.CLOSE, 2)
     operator.hears(StreamEnd, 2)
     assert operator.exit_code() == 0
-    assert [tap.channel for tap in operator.all(Telemetry) if isinstance(tap, Telemetry)] == [
-        "truth"
-    ]
+    copies = [copy for copy in operator.all(Telemetry) if isinstance(copy, Telemetry)]
+    assert [copy.channel for copy in copies] == ["truth"]
     assert operator.rows()["truth"] == LinkCount(sent=1)
 
 
-def test_a_task_whose_operator_vanishes_stops_and_leaves(operator: Operator, alone: None) -> None:
+def test_a_task_that_loses_its_operator_stops_and_exits(operator: Operator, alone: None) -> None:
     operator.launch()
     operator.hears(Hello)
     operator.bus.heartbeat("controller")
@@ -384,7 +380,7 @@ def test_a_task_whose_operator_vanishes_stops_and_leaves(operator: Operator, alo
     assert operator.task.stopped
 
 
-def test_a_task_that_no_operator_ever_admits_leaves_without_having_begun(
+def test_a_task_without_a_heartbeat_exits_without_having_started(
     operator: Operator, alone: None
 ) -> None:
     operator.launch()

@@ -1,4 +1,4 @@
-"""Whatever arrives, nothing is raised, no state changes, and each packet moves exactly one counter."""
+"""Rejection of invalid datagrams: nothing is raised, each packet increases exactly one counter."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from comms.codec import encode, encode_closing
 from comms.messages import Message, Reference, Setpoint
-from tests.comms.wire_words import (
+from tests.comms.wire_reference import (
     CRC_BYTES,
     HEADER_BYTES,
     LENGTH,
@@ -21,9 +21,9 @@ from tests.comms.wire_words import (
     Gate,
     channels,
     datagram,
+    field_values,
     messages,
     with_value,
-    words,
 )
 
 UNTIMED = settings(deadline=None)  # a busy machine is no failure
@@ -54,13 +54,8 @@ BOUND: dict[str, tuple[float, float]] = {
     "phase": (0, 4),
     "reason": (0, 8),
 }
-MAY_BE_ABSENT = {
-    "raw_rad",
-    "offset_rad",
-    "platform_m",
-    "residual_px",
-    "pivot_miss_px",
-}  # whether the sample is valid or not
+# in a valid sample too
+MAY_BE_ABSENT = {"raw_rad", "offset_rad", "platform_m", "residual_px", "pivot_miss_px"}
 VALUES = [
     (channel, place, name) for channel, row in WIRE.items() for place, name in enumerate(row[3])
 ]
@@ -77,7 +72,7 @@ FLOATS = [value for value in BOUNDED if isinstance(BOUND[value[2]][1], float)] +
 
 
 def refusal(gate: Gate, data: bytes) -> str:
-    """Why one datagram was not taken, when exactly one counter moved."""
+    """Reject reason of a datagram; exactly one counter must increase."""
     message, up = gate.take(data)
     assert message is None
     assert list(up.values()) == [1]
@@ -86,7 +81,7 @@ def refusal(gate: Gate, data: bytes) -> str:
 
 
 def is_refused(channel: str, original: Message, data: bytes) -> str:
-    """Why a datagram was not taken; the gate must be as before: the original is delivered after it."""
+    """Reject reason of a datagram; the original message is delivered after it."""
     gate = Gate(channel)
     reason = refusal(gate, data)
     message, up = gate.take(encode(channel, original, SESSION))
@@ -203,8 +198,8 @@ def test_any_payload_behind_a_right_header_is_a_message_within_its_bounds_or_ref
 
 
 def is_within_its_bounds(message: Message) -> None:
-    """Asserts by msgspec, which knows the declared bounds and raises when a field is outside."""
-    fields = msgspec.to_builtins(words(message)) | {"pixels": None}
+    """Assert the declared bounds; msgspec raises if a field is outside."""
+    fields = msgspec.to_builtins(field_values(message)) | {"pixels": None}
     msgspec.convert(fields, type(message), dec_hook=lambda _, __: np.empty(0, np.uint8))
 
 
@@ -227,14 +222,14 @@ def test_a_header_with_another_magic_version_length_or_flag_is_refused(
     assert is_refused(channel, message, datagram(channel, b"")) == "length"  # a message without one
     assert (
         is_refused(
-            channel, message, datagram(channel, payload, told=LENGTH[channel] + 1 + noise[0])
+            channel, message, datagram(channel, payload, length=LENGTH[channel] + 1 + noise[0])
         )
         == "length"
     )
 
 
 @pytest.mark.parametrize(("channel", "place", "name"), BOUNDED)
-def test_the_bound_itself_is_taken_and_the_next_value_is_not(
+def test_the_bound_itself_is_accepted_and_the_next_value_is_not(
     channel: str, place: int, name: str
 ) -> None:
     low, high = BOUND[name]
@@ -248,7 +243,7 @@ def test_the_bound_itself_is_taken_and_the_next_value_is_not(
 
 
 @pytest.mark.parametrize(("channel", "place", "name"), FLOATS)
-def test_an_infinite_value_is_refused_and_a_nan_is_but_an_absent_one(
+def test_an_infinite_value_is_refused_and_a_nan_too_unless_it_may_be_absent(
     channel: str, place: int, name: str
 ) -> None:
     for infinite in (math.inf, -math.inf):
@@ -259,7 +254,7 @@ def test_an_infinite_value_is_refused_and_a_nan_is_but_an_absent_one(
         assert up == {"delivered": 1}
         assert getattr(message, name) is None
     elif channel == "angle" and name in ("angle_rad", "sigma_rad"):
-        assert refusal(Gate(channel), nan) == "out_of_range"  # it says valid
+        assert refusal(Gate(channel), nan) == "out_of_range"  # the sample is marked valid
     else:
         assert refusal(Gate(channel), nan) == "not_finite"
 
@@ -275,7 +270,7 @@ def test_a_stamp_out_of_its_bounds_is_refused(t_ns: int) -> None:
 
 
 def setpoint(seq: int, t_ns: int = 0) -> Setpoint:
-    """A message that differs in its count and stamp only."""
+    """A message with a sequence number and a time stamp."""
     return Setpoint(seq=seq, t_ns=t_ns, position_m=(0.0, 0.0, 0.0))
 
 
@@ -295,7 +290,7 @@ def test_a_copy_an_overtaken_packet_and_its_copy_have_counters_of_their_own() ->
     ]
 
 
-def test_late_is_a_part_of_delivered_and_begins_behind_the_limit() -> None:
+def test_late_messages_are_delivered_and_older_than_the_limit() -> None:
     gate = Gate("setpoint")
     assert gate.admit(setpoint(0, t_ns=100), t_ns=130, late_ns=30)[1] == {"delivered": 1}
     assert gate.admit(setpoint(1, t_ns=100), t_ns=131, late_ns=30)[1] == {"delivered": 1, "late": 1}

@@ -1,4 +1,4 @@
-"""Pictures of the simulated cable against projective geometry, a brute-force renderer and a line fit."""
+"""Images of the simulated cable: projective geometry, brute-force rendering and a line fit."""
 
 from __future__ import annotations
 
@@ -31,7 +31,10 @@ def columns(line: CableLine | None, rows: NDArray[np.float64]) -> NDArray[np.flo
 def projected(
     camera: CameraParams, position_m: tuple[float, float, float], angle_rad: float, below_m: float
 ) -> NDArray[np.float64]:
-    """Pixel (column, row) of the point below_m along the cable, by OpenCV's projection. OpenCV: x right, y down, z ahead."""
+    """Project the point below_m along the cable to (column, row) with OpenCV.
+
+    OpenCV: x right, y down, z ahead.
+    """
     x, y, z = position_m
     point = [
         x + below_m * math.sin(angle_rad),
@@ -40,9 +43,8 @@ def projected(
     ]
     focal = camera.pixels_per_m * camera.distance_m
     matrix = np.array([[focal, 0.0, 320.0], [0.0, focal, 240.0], [0.0, 0.0, 1.0]])
-    pitch = np.array(
-        [math.radians(camera.pitch_deg), 0.0, 0.0]
-    )  # looking down raises what is ahead
+    # a camera that looks down sees points ahead higher
+    pitch = np.array([math.radians(camera.pitch_deg), 0.0, 0.0])
     away, _ = cv2.Rodrigues(pitch)
     pixels, _ = cv2.projectPoints(
         np.array([point]), pitch, away @ [0.0, 0.0, camera.distance_m], matrix, np.zeros(4)
@@ -53,7 +55,7 @@ def projected(
 @pytest.mark.parametrize("pitch_deg", [-3.0, 0.0, 1.0, 12.0])
 @pytest.mark.parametrize("position_m", [(0.0, 0.0, 0.0), (0.2, 0.0, 0.0), (-0.15, 0.1, 0.07)])
 @pytest.mark.parametrize("angle_rad", [0.0, 0.3, -0.02])
-def test_the_cable_lies_where_projective_geometry_puts_it(
+def test_the_line_of_the_cable_agrees_with_projective_geometry(
     pitch_deg: float, position_m: tuple[float, float, float], angle_rad: float
 ) -> None:
     camera = CameraParams(pitch_deg=pitch_deg, distance_m=1.4, pixels_per_m=700.0)
@@ -89,7 +91,7 @@ def test_a_cable_behind_the_camera_or_not_hanging_down_is_not_in_the_picture(
 
 
 def swing(x_m: float, speed_m_s: float, angle_rad: float, rate_rad_s: float) -> Motion:
-    """A cable in motion about the middle of the exposure, with a pendulum's angular acceleration."""
+    """Motion of a cable around mid-exposure, with the angular acceleration of a pendulum."""
     pinhole = Pinhole(CLEAN, VIEW, (0.0, 0.0, 0.0))
 
     def line_at(t_s: float) -> CableLine:
@@ -104,7 +106,10 @@ def swing(x_m: float, speed_m_s: float, angle_rad: float, rate_rad_s: float) -> 
 def brute_force(
     line_at: Motion, row: int, cells: int = 9, instants: int = 40
 ) -> NDArray[np.float64]:
-    """Grey levels (640,) of one row: lens blur alone, sampled at 9 x 9 points a pixel and 40 instants of the exposure."""
+    """Grey levels (640,) of one row, with lens blur alone.
+
+    Sampled at 9 x 9 points per pixel and 40 times of the exposure.
+    """
     inside = (np.arange(cells) + 0.5) / cells - 0.5
     at_column = (np.arange(640)[:, None] + inside)[:, None, :]  # (640, 1, cells)
     at_row = (row + inside)[None, :, None]  # (1, cells, 1)
@@ -113,9 +118,8 @@ def brute_force(
         line = line_at(float(t_s))
         d = (at_column - line.column_px - line.slope * at_row) / math.hypot(1.0, line.slope)
         half = 0.5 * CLEAN.cable_width_px
-        dark += (ndtr((d + half) / CLEAN.psf_px) - ndtr((d - half) / CLEAN.psf_px)).mean(
-            axis=(1, 2)
-        )
+        profile = ndtr((d + half) / CLEAN.psf_px) - ndtr((d - half) / CLEAN.psf_px)
+        dark += profile.mean(axis=(1, 2))
     return CLEAN.background - CLEAN.contrast * dark / instants
 
 
@@ -143,7 +147,10 @@ def test_a_picture_is_within_a_grey_level_of_brute_force(
 
 
 def fitted_slope(picture: NDArray[np.uint8], start: CableLine) -> float:
-    """Least-squares line through a noiseless picture, by Gauss-Newton on the column and slope of the cable's profile."""
+    """Slope of the least squares line of an image without noise.
+
+    Gauss-Newton for column and slope of the profile of the cable.
+    """
     s, half = math.sqrt(CLEAN.psf_px**2 + 1.0 / 12.0), 0.5 * CLEAN.cable_width_px
     rows = np.arange(480.0)[:, None]
     first = np.rint(columns(start, rows)).astype(int) - 12
@@ -162,7 +169,7 @@ def fitted_slope(picture: NDArray[np.uint8], start: CableLine) -> float:
 
 
 @pytest.mark.parametrize("angle_rad", [0.0007, 0.003, -0.011, 0.1, -0.2, 0.35])
-def test_a_fitted_line_finds_the_slope_of_the_cable_again(angle_rad: float) -> None:
+def test_a_fitted_line_has_the_slope_of_the_cable(angle_rad: float) -> None:
     renderer = Renderer(CLEAN, VIEW, 0)
     for x_m in np.linspace(0.01, 0.0132, 9).tolist():
         line = swing(x_m, 0.0, angle_rad, 0.0)(0.0)
@@ -171,7 +178,7 @@ def test_a_fitted_line_finds_the_slope_of_the_cable_again(angle_rad: float) -> N
 
 
 def test_noisy_pictures_of_a_nearly_upright_cable_reach_the_cramer_rao_bound_without_bias() -> None:
-    """Where 8-bit rounding alone would bend the fit by 0.02 mrad, for every row has the same sub-pixel phase."""
+    """All rows have one sub-pixel phase; 8-bit rounding alone would bias the fit by 0.02 mrad."""
     noise = 2.5
     renderer = Renderer(CameraParams(noise=noise), VIEW, 5)
     s, w = math.sqrt(CLEAN.psf_px**2 + 1.0 / 12.0), CLEAN.cable_width_px
@@ -203,7 +210,7 @@ def test_an_exposure_blurs_about_the_mean_position_of_the_cable() -> None:
 
 
 @pytest.mark.parametrize("column_px", [-3000.0, -12.0, 652.0, 9000.0])
-def test_a_cable_beside_the_picture_leaves_it_empty(column_px: float) -> None:
+def test_a_cable_outside_the_picture_leaves_it_empty(column_px: float) -> None:
     renderer = Renderer(CameraParams(), VIEW, 0)
     line = CableLine(column_px, 0.0, -40.0)
     np.testing.assert_array_equal(
@@ -246,7 +253,7 @@ def test_equal_seeds_give_equal_pictures_and_others_do_not() -> None:
     assert (first != other).mean() > 0.5
 
 
-def test_screens_carry_the_noise_asked_for_and_take_turns() -> None:
+def test_screens_have_the_configured_noise_and_are_used_in_turn() -> None:
     renderer = Renderer(CameraParams(noise=3.0), VIEW, 0)
     screens = [renderer.picture(k, None, None, None) for k in range(BACKGROUNDS + 1)]
     assert np.mean(screens[0]) == pytest.approx(200.0, abs=0.05)
@@ -255,7 +262,7 @@ def test_screens_carry_the_noise_asked_for_and_take_turns() -> None:
     np.testing.assert_array_equal(screens[0], screens[BACKGROUNDS])
 
 
-def test_a_picture_belongs_to_its_receiver() -> None:
+def test_a_change_of_a_picture_does_not_change_the_next_one() -> None:
     renderer = Renderer(CameraParams(), VIEW, 0)
     line = CableLine(300.0, 0.1, -40.0)
     mine = renderer.picture(0, line, line, line)
@@ -264,7 +271,7 @@ def test_a_picture_belongs_to_its_receiver() -> None:
     np.testing.assert_array_equal(renderer.picture(0, line, line, line), before)
 
 
-def test_video_shows_the_swing_in_the_red_plane_alone_and_says_when() -> None:
+def test_video_shows_the_swing_in_the_red_plane_alone_with_its_time() -> None:
     pendulum = PendulumParams(initial_swing_rad=0.01, damping_ratio=0.0)
     params = BenchParams(pendulum=pendulum, camera=CameraParams(noise=0.0, pitch_deg=0.0), seed=1)
     frames = list(swinging_video(params, 0.5))

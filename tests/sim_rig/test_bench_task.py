@@ -1,4 +1,4 @@
-"""The bench as a task: stamps on their grids, setpoints at the servos' next look, and nothing lost when it is woken late."""
+"""Bench task: time stamps on their grids, setpoints at the drives' next sample, late wakes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from comms.messages import Command, Frame, JointState, Message, Phase, Reply, Se
 from comms.task import Send, Step, Task
 from sim_rig.bench import Bench
 from sim_rig.params import BenchParams, CameraParams, PendulumParams, View
-from sim_rig.task import CATCH_UP_NS, BenchTask
+from sim_rig.task import MAX_CATCH_UP_NS, BenchTask
 
 MS = 1_000_000
 SMALL = View(width=64, height=48)
@@ -28,7 +28,7 @@ def setpoint(seq: int, t_ns: int, x_m: float) -> Setpoint:
 def run(
     task: Task, wakes_ns: Iterable[int], setpoints: Iterable[tuple[int, float]] = ()
 ) -> list[Send]:
-    """Start at 0, then ticks and setpoints in the order of time."""
+    """Start at 0, then serve ticks and setpoints in the order of time."""
     sends = list(task.start(0).sends)
     calls: list[tuple[int, float | None]] = [*((t, None) for t in wakes_ns), *setpoints]
     for n, (t_ns, x_m) in enumerate(sorted(calls, key=lambda call: call[0])):
@@ -50,7 +50,7 @@ def stamps(sends: list[Send], channel: str) -> list[int]:
 
 
 def facts(sends: list[Send], channel: str) -> list[object]:
-    """Comparable content: pictures as bytes."""
+    """Comparable content of the messages: pixels as bytes."""
     return [
         (m.seq, m.t_ns, m.pixels.tobytes()) if isinstance(m, Frame) else m
         for m in messages(sends, channel)
@@ -63,12 +63,11 @@ def test_every_channel_keeps_its_own_grid() -> None:
     assert stamps(sends, "truth") == [k * 10 * MS for k in range(11)]
     assert stamps(sends, "frame") == [k * 20 * MS + 10 * MS for k in range(5)]
     for channel in ("joint_state", "truth", "frame"):
-        assert [m.seq for m in messages(sends, channel)] == list(
-            range(len(messages(sends, channel)))
-        )
+        numbers = [m.seq for m in messages(sends, channel)]
+        assert numbers == list(range(len(numbers)))
 
 
-def test_waking_when_asked_serves_everything_on_its_instant() -> None:
+def test_a_punctual_wake_serves_everything_at_its_time() -> None:
     task = BenchTask(BenchParams(view=SMALL, camera=CameraParams(exposure_ms=3.0)))
     step, late = task.start(0), []
     for _ in range(100):
@@ -82,7 +81,7 @@ def test_waking_when_asked_serves_everything_on_its_instant() -> None:
     assert task.late_ticks == 0
 
 
-def test_a_frame_says_how_it_was_taken() -> None:
+def test_a_frame_holds_its_exposure_and_format() -> None:
     frame = messages(run(BenchTask(SWINGING), [35 * MS]), "frame")[0]
     assert isinstance(frame, Frame)
     assert (frame.t_exposure_start_ns, frame.exposure_ns, frame.row_ns) == (0, 10 * MS, 0)
@@ -96,44 +95,44 @@ def test_a_frame_says_how_it_was_taken() -> None:
     assert frame.pixels.dtype == np.uint8
 
 
-def test_readings_and_truth_are_the_bench_at_their_stamps() -> None:
+def test_readings_and_truth_are_those_of_the_bench_at_their_time_stamps() -> None:
     sends = run(BenchTask(BLIND), [5 * MS, 10 * MS, 20 * MS, 30 * MS], [(7 * MS + 1, 0.01)])
-    world = Bench(BLIND)
-    world.advance(8 * MS)  # the servos' next look
-    world.setpoint((0.01, 0.0, 0.0))
+    plant = Bench(BLIND)
+    plant.advance(8 * MS)  # next sample of the drives
+    plant.set_setpoint((0.01, 0.0, 0.0))
     for truth in messages(sends, "truth")[1:]:
         assert isinstance(truth, Truth)
-        world.advance(truth.t_ns)
-        assert truth.angle_rad == pytest.approx(world.angle_rad, abs=1e-13)
+        plant.advance(truth.t_ns)
+        assert truth.angle_rad == pytest.approx(plant.angle_rad, abs=1e-13)
         assert truth.angular_velocity_rad_s == pytest.approx(
-            world.angular_velocity_rad_s, abs=1e-13
+            plant.angular_velocity_rad_s, abs=1e-13
         )
-        assert truth.position_m == pytest.approx(world.position_m, abs=1e-15)
-        assert truth.velocity_m_s == pytest.approx(world.velocity_m_s, abs=1e-13)
+        assert truth.position_m == pytest.approx(plant.position_m, abs=1e-15)
+        assert truth.velocity_m_s == pytest.approx(plant.velocity_m_s, abs=1e-13)
     reading = messages(sends, "joint_state")[-1]
     assert isinstance(reading, JointState)
     assert reading.t_ns == 30 * MS
-    assert reading.position_m == pytest.approx(world.position_m, abs=1e-15)
-    assert reading.velocity_m_s == pytest.approx(world.velocity_m_s, abs=1e-13)
+    assert reading.position_m == pytest.approx(plant.position_m, abs=1e-15)
+    assert reading.velocity_m_s == pytest.approx(plant.velocity_m_s, abs=1e-13)
     assert reading.position_m[0] > 0.001
 
 
 @given(wakes_ns=st.lists(st.integers(1, 199 * MS), max_size=12))
 @settings(max_examples=15, deadline=None)
-def test_what_happens_does_not_depend_on_when_the_task_is_woken(wakes_ns: list[int]) -> None:
+def test_truth_and_frames_do_not_depend_on_the_wake_up_times(wakes_ns: list[int]) -> None:
     arrivals = [(8 * MS + 123_457, 0.004), (51 * MS, 0.01), (98 * MS + 1, 0.02)]
-    punctual, sleepy = BenchTask(SWINGING), BenchTask(SWINGING)
+    punctual, delayed = BenchTask(SWINGING), BenchTask(SWINGING)
     expected = run(punctual, range(5 * MS, 201 * MS, 5 * MS), arrivals)
-    got = run(sleepy, [*wakes_ns, 200 * MS], arrivals)
+    got = run(delayed, [*wakes_ns, 200 * MS], arrivals)
     for channel in ("truth", "frame"):
         assert facts(got, channel) == facts(expected, channel)
     assert punctual.late_ticks == 0
-    assert sleepy.late_ticks == len(messages(expected, "joint_state")) - len(
+    assert delayed.late_ticks == len(messages(expected, "joint_state")) - len(
         messages(got, "joint_state")
     )
 
 
-def test_setpoints_that_arrive_within_one_millisecond_of_each_other_move_the_robot_alike() -> None:
+def test_setpoints_that_arrive_in_the_same_sample_of_the_drives_have_the_same_effect() -> None:
     early = run(
         BenchTask(BLIND), range(5 * MS, 101 * MS, 5 * MS), [(20 * MS, 0.01), (55 * MS, 0.02)]
     )
@@ -155,13 +154,13 @@ def test_a_late_wake_sends_only_the_newest_reading_and_counts_the_rest() -> None
     assert [send.at_ns for send in sends] == [33 * MS] * len(sends)
 
 
-def test_a_long_sleep_is_made_up_in_portions_and_loses_nothing() -> None:
+def test_a_long_delay_is_simulated_in_parts_and_loses_nothing() -> None:
     task = BenchTask(SWINGING)
     sends, step = list(task.start(0).sends), Step()
-    t_ns, calls = 10 * CATCH_UP_NS, 0
+    t_ns, calls = 10 * MAX_CATCH_UP_NS, 0
     while step.wake_ns is None or step.wake_ns <= t_ns:
         step = task.on_tick(t_ns)
-        assert len(messages(list(step.sends), "frame")) <= CATCH_UP_NS // (20 * MS) + 1
+        assert len(messages(list(step.sends), "frame")) <= MAX_CATCH_UP_NS // (20 * MS) + 1
         assert step.wake_ns is not None
         assert step.wake_ns >= t_ns
         sends += step.sends
@@ -171,9 +170,9 @@ def test_a_long_sleep_is_made_up_in_portions_and_loses_nothing() -> None:
     assert stamps(sends, "frame") == list(range(10 * MS, t_ns + 1, 20 * MS))
 
 
-def test_setpoints_that_arrive_during_a_long_sleep_act_at_their_own_time() -> None:
-    arrivals = [(2 * CATCH_UP_NS + 3 * MS + 7, 0.1), (2 * CATCH_UP_NS + 4 * MS, 0.05)]
-    end_ns = 3 * CATCH_UP_NS
+def test_setpoints_that_arrive_during_a_long_delay_act_at_their_own_time() -> None:
+    arrivals = [(2 * MAX_CATCH_UP_NS + 3 * MS + 7, 0.1), (2 * MAX_CATCH_UP_NS + 4 * MS, 0.05)]
+    end_ns = 3 * MAX_CATCH_UP_NS
     expected = run(BenchTask(BLIND), range(5 * MS, end_ns + 1, 5 * MS), arrivals)
     got = run(BenchTask(BLIND), [end_ns] * 5, arrivals)
     assert facts(got, "truth") == facts(expected, "truth")
@@ -185,12 +184,12 @@ def test_a_setpoint_stamped_before_the_present_acts_at_once() -> None:
     task.on_tick(20 * MS)
     task.on_message("setpoint", setpoint(0, 0, 0.1), 19 * MS)
     truth = messages(list(task.on_tick(30 * MS).sends), "truth")[0]
-    world = Bench(BLIND)
-    world.advance(20 * MS)
-    world.setpoint((0.1, 0.0, 0.0))
-    world.advance(30 * MS)
+    plant = Bench(BLIND)
+    plant.advance(20 * MS)
+    plant.set_setpoint((0.1, 0.0, 0.0))
+    plant.advance(30 * MS)
     assert isinstance(truth, Truth)
-    assert truth.position_m == pytest.approx(world.position_m, abs=1e-15)
+    assert truth.position_m == pytest.approx(plant.position_m, abs=1e-15)
 
 
 def test_a_load_is_released_at_the_start_and_stamps_stay_on_the_run_clock() -> None:
@@ -199,11 +198,11 @@ def test_a_load_is_released_at_the_start_and_stamps_stay_on_the_run_clock() -> N
     assert first.sends == []
     assert first.wake_ns == 1005 * MS
     truth = messages(list(task.on_tick(1010 * MS).sends), "truth")[0]
-    world = Bench(SWINGING)
-    world.advance(7 * MS)
+    plant = Bench(SWINGING)
+    plant.advance(7 * MS)
     assert isinstance(truth, Truth)
     assert truth.t_ns == 1010 * MS
-    assert truth.angle_rad == pytest.approx(world.angle_rad, abs=1e-12)
+    assert truth.angle_rad == pytest.approx(plant.angle_rad, abs=1e-12)
     assert stamps(list(task.on_tick(1050 * MS).sends), "frame") == [1030 * MS, 1050 * MS]
 
 
@@ -217,14 +216,14 @@ def test_the_picture_shows_the_platform_and_the_angle_of_mid_exposure() -> None:
         assert isinstance(frame, Frame)
         dark = 200.0 - frame.pixels.astype(float)
         centroid = (dark * np.arange(640)).sum(axis=1) / dark.sum(axis=1)
-        world = Bench(params)
+        plant = Bench(params)
         if frame.t_exposure_start_ns >= 50 * MS:
-            world.advance(51 * MS)
-            world.setpoint((0.1, 0.0, 0.0))
-        world.advance(frame.t_exposure_start_ns + 5 * MS)
+            plant.advance(51 * MS)
+            plant.set_setpoint((0.1, 0.0, 0.0))
+        plant.advance(frame.t_exposure_start_ns + 5 * MS)
         slope, pivot = np.polyfit(np.arange(480) + 40.0, centroid, 1)
-        assert np.arctan(slope) == pytest.approx(world.angle_rad, abs=0.5e-3)
-        assert pivot == pytest.approx(320.0 + 1000.0 * world.position_m[0], abs=0.6)
+        assert np.arctan(slope) == pytest.approx(plant.angle_rad, abs=0.5e-3)
+        assert pivot == pytest.approx(320.0 + 1000.0 * plant.position_m[0], abs=0.6)
 
 
 def test_without_a_camera_there_are_no_frames() -> None:

@@ -1,4 +1,4 @@
-"""Pictures of a cable whose angle is known exactly: a closed-form profile, written without the bench's camera."""
+"""Images of a cable with an exact angle, in closed form; shares no code with sim_rig."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ import numpy as np
 from scipy.special import ndtr
 
 Grey = np.ndarray[Any, np.dtype[np.uint8]]
-Floats = np.ndarray[Any, np.dtype[np.float64]]
+FloatArray = np.ndarray[Any, np.dtype[np.float64]]
 
 WIDTH, HEIGHT = 640, 480
 PIVOT_PX = (320.0, -40.0)
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(
-    3
-)  # over a pixel; exact to 1e-4 of the contrast for psf_px >= 0.7
+# over a pixel; exact to 1e-4 of the contrast for psf_px >= 0.7
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(3)
 BLUR_STEPS = 9
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scene:
-    """A straight dark cable through the pivot before a screen; lengths are pixels, greys are levels of 255.
+    """Straight dark cable through the pivot before a screen; grey levels 0..255.
 
-    During the exposure the cable turns by turn_rad and the pivot moves by shift_px; angle and pivot are those of its middle.
+    During the exposure the cable turns by turn_rad and the pivot moves by shift_px; angle and pivot
+    are those at mid-exposure.
     """
 
     angle_rad: float = 0.0
@@ -36,8 +36,8 @@ class Scene:
     turn_rad: float = 0.0
     shift_px: float = 0.0
 
-    def light(self) -> Floats:
-        """(HEIGHT, WIDTH) grey levels before noise and rounding."""
+    def light(self) -> FloatArray:
+        """Grey levels (HEIGHT, WIDTH) before noise and rounding."""
         moving = self.turn_rad != 0.0 or self.shift_px != 0.0
         moments = (np.arange(BLUR_STEPS) + 0.5) / BLUR_STEPS - 0.5 if moving else np.zeros(1)
         dark = np.zeros((HEIGHT, WIDTH))
@@ -51,8 +51,11 @@ class Scene:
 
 def stripe(
     angle_rad: float, through_px: tuple[float, float], width_px: float, psf_px: float
-) -> Floats:
-    """Darkness 0..1 (HEIGHT, WIDTH) of a stripe: a box of width_px, blurred by a Gaussian, integrated over each pixel."""
+) -> FloatArray:
+    """Darkness 0..1 (HEIGHT, WIDTH) of a stripe.
+
+    A box of width_px, blurred by a Gaussian, integrated over each pixel.
+    """
     slope, cosine = math.tan(angle_rad), math.cos(angle_rad)
     v = np.arange(HEIGHT)
     u0 = through_px[0] + slope * (v - through_px[1])
@@ -62,12 +65,8 @@ def stripe(
     for du, wu in zip(NODES, WEIGHTS, strict=True):
         for dv, wv in zip(NODES, WEIGHTS, strict=True):
             d = (u + du / 2.0 - u0[:, None] - slope * dv / 2.0) * cosine
-            inside += (
-                wu
-                * wv
-                / 4.0
-                * (ndtr((d + width_px / 2.0) / psf_px) - ndtr((d - width_px / 2.0) / psf_px))
-            )
+            profile = ndtr((d + width_px / 2.0) / psf_px) - ndtr((d - width_px / 2.0) / psf_px)
+            inside += wu * wv / 4.0 * profile
     dark = np.zeros((HEIGHT, WIDTH))
     seen = (u >= 0) & (u < WIDTH)
     dark[np.broadcast_to(v[:, None], u.shape)[seen], u[seen]] = inside[seen]
@@ -75,14 +74,14 @@ def stripe(
 
 
 class Camera:
-    """Adds read-out noise and rounds to uint8; the noise is a random piece of one large sheet."""
+    """Camera that adds read-out noise and rounds; the noise is a random part of one large array."""
 
     def __init__(self, seed: int, noise: float = 4.0) -> None:
         self.rng = np.random.default_rng(seed)
-        self.sheet = noise * self.rng.standard_normal((2 * HEIGHT, 2 * WIDTH))
+        self.noise = noise * self.rng.standard_normal((2 * HEIGHT, 2 * WIDTH))
 
-    def expose(self, light: Floats) -> Grey:
-        """(HEIGHT, WIDTH) uint8, clipped at 0 and 255."""
+    def expose(self, light: FloatArray) -> Grey:
+        """Image (HEIGHT, WIDTH) uint8, clipped at 0 and 255."""
         v, u = self.rng.integers(HEIGHT), self.rng.integers(WIDTH)
-        noisy = light + self.sheet[v : v + HEIGHT, u : u + WIDTH]
+        noisy = light + self.noise[v : v + HEIGHT, u : u + WIDTH]
         return np.clip(np.rint(noisy), 0.0, 255.0).astype(np.uint8)

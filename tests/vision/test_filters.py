@@ -1,4 +1,4 @@
-"""The moving average: its mean, its instant, its certainty, and what a gap does."""
+"""Moving average: mean, time stamp, standard deviation, and gaps."""
 
 from __future__ import annotations
 
@@ -27,13 +27,12 @@ def test_a_steady_turn_is_reported_without_lag_at_its_stamp() -> None:
     average = MovingAverage(3, GAP_NS)
     for k in range(10):
         out = average.add(k * PERIOD_NS, 0.5 * k * 0.02, 1e-5)
-        assert out.angle_rad == pytest.approx(
-            0.5 * out.t_ns * 1e-9, abs=1e-12
-        )  # also while the window fills
+        # also while the window fills
+        assert out.angle_rad == pytest.approx(0.5 * out.t_ns * 1e-9, abs=1e-12)
     assert out.t_ns == 8 * PERIOD_NS  # one period behind the newest of three
 
 
-def test_a_sine_is_damped_and_delayed_as_the_closed_form_says() -> None:
+def test_a_sine_is_attenuated_and_delayed_by_the_closed_form() -> None:
     average, w = MovingAverage(5, GAP_NS), 2.0 * math.pi * 1.5
     gain = math.sin(5 * w * 0.01) / (5 * math.sin(w * 0.01))
     for k in range(40):

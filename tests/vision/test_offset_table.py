@@ -1,4 +1,4 @@
-"""Offsets and pivots: geometry by position, checked against numpy's interpolation."""
+"""Offset table and pivot model over platform position, compared with numpy's interpolation."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def test_the_offset_never_leaves_the_range_of_the_table(x_m: float) -> None:
 
 
 @pytest.mark.parametrize(("x_m", "offset_rad"), [(-0.1, 0.001), (0.2, -0.0035)])
-def test_outside_its_points_the_table_keeps_its_end_and_says_so_beyond_the_tolerance(
+def test_the_end_value_holds_outside_the_table_and_within_is_false_beyond_the_tolerance(
     x_m: float, offset_rad: float
 ) -> None:
     table, out = OffsetTable(X_M, OFFSET_RAD), np.sign(x_m)

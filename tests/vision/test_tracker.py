@@ -1,4 +1,4 @@
-"""The tracker on pictures whose angle is known in closed form: how exact, how sure of itself, and never silently wrong."""
+"""Tracker on images with an exact angle: error, standard deviation, and rejection of bad images."""
 
 from __future__ import annotations
 
@@ -9,7 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.vision.rendered_cable import HEIGHT, PIVOT_PX, WIDTH, Camera, Floats, Grey, Scene, stripe
+from tests.vision.rendered_cable import (
+    HEIGHT,
+    PIVOT_PX,
+    WIDTH,
+    Camera,
+    FloatArray,
+    Grey,
+    Scene,
+    stripe,
+)
 from vision.errors import VisionError
 from vision.line_fit import ImageLine, RowOffsets, coarse_line, huber_line, row_offsets
 from vision.ridge import search
@@ -18,17 +27,17 @@ from vision.tracker import Fit, Tracker, TrackFailure
 MRAD = 1e-3
 WRONG_RAD = 5 * MRAD
 
-Change = Callable[[Floats, Scene, np.random.Generator], Floats]
+Change = Callable[[FloatArray, Scene, np.random.Generator], FloatArray]
 
 
 @pytest.fixture
 def camera() -> Camera:
-    """The same noise for every test, whichever ran before it."""
+    """A camera with the same noise for every test, in any order."""
     return Camera(seed=1)
 
 
 def cold(image: Grey, pivot_px: tuple[float, float] = PIVOT_PX) -> Fit:
-    """A first look at a picture."""
+    """Measure an image without a prediction."""
     return Tracker(WIDTH, HEIGHT).measure(image, pivot_px)
 
 
@@ -42,7 +51,7 @@ def errors_rad(
     angles_rad: Iterable[float],
     pivot_px: tuple[float, float] = PIVOT_PX,
     **scene: float,
-) -> Floats:
+) -> FloatArray:
     images = ((camera.expose(Scene(angle_rad=a, **scene).light()), a) for a in angles_rad)  # type: ignore[arg-type]
     return np.array([error_rad(cold(image, pivot_px), a) for image, a in images])
 
@@ -64,7 +73,7 @@ def test_within_10_mrad_the_angle_is_linear_and_never_off_by_a_tenth_of_a_millir
 
 @pytest.mark.parametrize("width_px", [2.0, 2.5, 3.0])
 @pytest.mark.parametrize("psf_px", [0.7, 1.0])
-def test_whole_pixels_attract_no_cable_of_any_width(width_px: float, psf_px: float) -> None:
+def test_the_angle_is_not_biased_towards_whole_pixels(width_px: float, psf_px: float) -> None:
     angles = np.linspace(-3.0, 3.0, 25) * MRAD
     errors = errors_rad(Camera(seed=2, noise=0.0), angles, width_px=width_px, psf_px=psf_px)
     assert np.abs(errors).max() < 0.005 * MRAD
@@ -72,7 +81,8 @@ def test_whole_pixels_attract_no_cable_of_any_width(width_px: float, psf_px: flo
 
 @pytest.mark.parametrize("scene", [{}, {"contrast": 35.0, "background": 90.0}, {"psf_px": 2.5}])
 def test_sigma_is_the_scatter_of_the_angle(camera: Camera, scene: dict[str, float]) -> None:
-    fits = [cold(camera.expose(Scene(angle_rad=0.1, **scene).light())) for _ in range(80)]  # type: ignore[arg-type]
+    light = Scene(angle_rad=0.1, **scene).light()  # type: ignore[arg-type]
+    fits = [cold(camera.expose(light)) for _ in range(80)]
     scatter = np.std([error_rad(fit, 0.1) for fit in fits])
     assert scatter == pytest.approx(np.mean([fit.sigma_rad or math.nan for fit in fits]), rel=0.25)
 
@@ -107,13 +117,13 @@ def test_without_noise_the_line_meets_the_pivot() -> None:
         assert fit.pivot_miss_px == pytest.approx(0.0, abs=0.005)
 
 
-def test_rows_that_lie_elsewhere_hardly_change_the_line_and_its_sigma() -> None:
+def test_outlier_rows_hardly_change_the_line_and_its_sigma() -> None:
     rng, v = np.random.default_rng(3), np.arange(480.0)
     offset = 0.1 + 2e-4 * v + 0.03 * rng.standard_normal(480)
-    stiffness = np.full(480, 50.0)
-    clean = huber_line(v, RowOffsets(offset, stiffness), ImageLine(300.0, 0.1))
+    curvature = np.full(480, 50.0)
+    clean = huber_line(v, RowOffsets(offset, curvature), ImageLine(300.0, 0.1))
     offset[400:440] += 0.5
-    fit = huber_line(v, RowOffsets(offset, stiffness), ImageLine(300.0, 0.1))
+    fit = huber_line(v, RowOffsets(offset, curvature), ImageLine(300.0, 0.1))
     assert fit.line.at(240.0) == pytest.approx(300.1 + 0.1002 * 240.0, abs=0.02)
     assert fit.line.slope == pytest.approx(clean.line.slope, abs=1.2e-4)  # least squares: 3.9e-4
     assert fit.sigma_slope == pytest.approx(clean.sigma_slope, rel=0.3)  # with those rows: 4 times
@@ -121,7 +131,7 @@ def test_rows_that_lie_elsewhere_hardly_change_the_line_and_its_sigma() -> None:
 
 
 def counted(monkeypatch: pytest.MonkeyPatch, name: str, function: Callable[..., Any]) -> list[int]:
-    """One entry for each call of a function that the tracker uses."""
+    """Calls of a function that the tracker uses, one entry each."""
     calls: list[int] = []
 
     def count(*arguments: Any) -> Any:
@@ -154,16 +164,16 @@ def test_one_newton_step_a_picture_is_enough(
     assert not strips
 
 
-def test_a_jump_surprises_in_two_pictures_only(
+def test_a_jump_misses_the_prediction_in_two_pictures_only(
     camera: Camera, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tracker, strips = Tracker(WIDTH, HEIGHT), counted(monkeypatch, "coarse_line", coarse_line)
     for angle in [0.0, 0.0, 0.0, *[0.02] * 5]:
         assert tracker.measure(camera.expose(Scene(angle_rad=angle).light()), PIVOT_PX).valid
-    assert len(strips) == 2  # velocity is wrong in the second
+    assert len(strips) == 2  # the extrapolated velocity is wrong in the second
 
 
-def test_the_angle_does_not_depend_on_where_the_prediction_led(camera: Camera) -> None:
+def test_the_angle_does_not_depend_on_the_prediction(camera: Camera) -> None:
     for angle in np.radians([-17.0, 0.0, 3.0]):
         image = camera.expose(Scene(angle_rad=angle).light())
         tracker, predictions = Tracker(WIDTH, HEIGHT), angle + np.linspace(-20.0, 20.0, 81) * MRAD
@@ -172,7 +182,7 @@ def test_the_angle_does_not_depend_on_where_the_prediction_led(camera: Camera) -
 
 
 @pytest.mark.parametrize("jump_rad", [1 * MRAD, 5 * MRAD, 20 * MRAD, 60 * MRAD, 200 * MRAD])
-def test_a_cable_that_jumps_between_two_pictures_is_found_where_it_is(
+def test_a_cable_that_jumps_between_two_pictures_is_measured_at_its_new_angle(
     camera: Camera, jump_rad: float
 ) -> None:
     for start in (-0.2, 0.01):
@@ -192,7 +202,7 @@ def test_a_cable_that_jumps_between_two_pictures_is_found_where_it_is(
 
 
 @pytest.mark.parametrize("bar_px", [0.0, 10.0, 14.0])
-def test_a_cable_that_is_gone_or_behind_a_bar_is_not_followed(
+def test_a_cable_that_is_missing_or_behind_a_bar_is_not_measured(
     camera: Camera, bar_px: float
 ) -> None:
     tracker = Tracker(WIDTH, HEIGHT)
@@ -205,7 +215,7 @@ def test_a_cable_that_is_gone_or_behind_a_bar_is_not_followed(
 
 
 @pytest.mark.parametrize("off_px", [-3.0, 3.0])
-def test_a_pivot_predicted_3_px_off_costs_nothing_and_is_told(
+def test_a_pivot_predicted_3_px_off_does_not_change_the_angle_and_is_reported(
     camera: Camera, off_px: float
 ) -> None:
     angles = np.radians(np.linspace(-20.0, 20.0, 30))
@@ -227,10 +237,9 @@ def test_a_pivot_predicted_8_px_off_is_refused_with_its_miss(camera: Camera) -> 
     assert fit.pivot_miss_px == pytest.approx(8.0, abs=0.1)
 
 
-@pytest.mark.parametrize(
-    "predicted_rad", [-0.2, -0.8, 0.8, 1.5]
-)  # some of these lines leave the picture
-def test_when_the_prediction_fails_the_whole_picture_is_searched(
+# some of these lines leave the image
+@pytest.mark.parametrize("predicted_rad", [-0.2, -0.8, 0.8, 1.5])
+def test_the_whole_picture_is_searched_when_the_prediction_fails(
     camera: Camera, predicted_rad: float
 ) -> None:
     tracker = Tracker(WIDTH, HEIGHT)
@@ -238,15 +247,15 @@ def test_when_the_prediction_fails_the_whole_picture_is_searched(
     assert abs(error_rad(tracker.measure(image, PIVOT_PX, predicted_rad), 0.2)) < 0.1 * MRAD
 
 
-def bar(light: Floats, scene: Scene, rng: np.random.Generator) -> Floats:
-    """A dark upright bar, 14 to 20 px wide, over the full height."""
+def bar(light: FloatArray, scene: Scene, rng: np.random.Generator) -> FloatArray:
+    """Add a dark upright bar, 14 to 20 px wide, over the full height."""
     left, wide = int(rng.integers(150, 480)), int(rng.integers(14, 21))
     light[:, left : left + wide] = 45.0
     return light
 
 
-def crossing_line(light: Floats, scene: Scene, rng: np.random.Generator) -> Floats:
-    """A second thin line that crosses the cable in the picture at 30 to 200 mrad."""
+def crossing_line(light: FloatArray, scene: Scene, rng: np.random.Generator) -> FloatArray:
+    """Add a second thin line that crosses the cable in the image at 30 to 200 mrad."""
     v, turn = rng.uniform(100.0, 400.0), rng.choice([-1, 1]) * rng.uniform(0.03, 0.2)
     crossing = (PIVOT_PX[0] + math.tan(scene.angle_rad) * (v + 40.0), v)
     return light - 150.0 * np.minimum(
@@ -254,51 +263,50 @@ def crossing_line(light: Floats, scene: Scene, rng: np.random.Generator) -> Floa
     )
 
 
-def parallel_line(light: Floats, scene: Scene, rng: np.random.Generator) -> Floats:
-    """A second thin line 7 to 30 px beside the cable, within 10 mrad of its direction."""
+def parallel_line(light: FloatArray, scene: Scene, rng: np.random.Generator) -> FloatArray:
+    """Add a second thin line 7 to 30 px beside the cable, within 10 mrad of its direction."""
     beside = PIVOT_PX[0] + rng.choice([-1, 1]) * rng.uniform(7.0, 30.0)
     return light - 165.0 * stripe(
         scene.angle_rad + rng.uniform(-0.01, 0.01), (beside, -40.0), 2.5, 0.8
     )
 
 
-def bob(light: Floats, scene: Scene, rng: np.random.Generator) -> Floats:
-    """A dark disc of 60 px on the cable."""
+def bob(light: FloatArray, scene: Scene, rng: np.random.Generator) -> FloatArray:
+    """Add a dark disc of 60 px on the cable."""
     v = rng.uniform(150.0, 440.0)
     u = PIVOT_PX[0] + math.tan(scene.angle_rad) * (v + 40.0) + rng.uniform(-8.0, 8.0)
     y, x = np.mgrid[:HEIGHT, :WIDTH]
     return np.asarray(np.where(np.hypot(x - u, y - v) < 30.0, 30.0, light))
 
 
-def glare(light: Floats, scene: Scene, rng: np.random.Generator) -> Floats:
-    """A bright patch over a tenth of the cable."""
+def glare(light: FloatArray, scene: Scene, rng: np.random.Generator) -> FloatArray:
+    """Add a bright patch over a tenth of the cable."""
     v = rng.uniform(60.0, 420.0)
     u = PIVOT_PX[0] + math.tan(scene.angle_rad) * (v + 40.0) + rng.uniform(-10.0, 10.0)
     y, x = np.mgrid[:HEIGHT, :WIDTH]
     return np.asarray(light + 200.0 * np.exp(-0.5 * ((x - u) ** 2 + (y - v) ** 2) / 12.0**2))
 
 
-def shade(light: Floats, scene: Scene, rng: np.random.Generator) -> Floats:
-    """Only 45 % of the rows show the cable."""
+def shade(light: FloatArray, scene: Scene, rng: np.random.Generator) -> FloatArray:
+    """Darken 55 % of the rows; the others show the cable."""
     top = int(rng.integers(0, int(0.55 * HEIGHT)))
     light[:top], light[top + int(0.45 * HEIGHT) :] = 60.0, 60.0
     return light
 
 
-def uneven(light: Floats, scene: Scene, rng: np.random.Generator) -> Floats:
-    """35 % gradient across the screen and a 12 % flicker band."""
+def uneven(light: FloatArray, scene: Scene, rng: np.random.Generator) -> FloatArray:
+    """Apply a 35 % gradient across the screen and a 12 % flicker band."""
     v, u = np.arange(HEIGHT)[:, None], np.arange(WIDTH)
     flicker = 1.0 + 0.06 * np.sin(2.0 * np.pi * v / 300.0 + rng.uniform(0.0, 6.28))
     return np.asarray(light * (0.65 + 0.35 * u / WIDTH) * flicker)
 
 
-def untouched(light: Floats, scene: Scene, rng: np.random.Generator) -> Floats:
+def untouched(light: FloatArray, scene: Scene, rng: np.random.Generator) -> FloatArray:
     return light
 
 
-CASES: dict[
-    str, tuple[Change, dict[str, float], float]
-] = {  # what happens, the scene, share that must be measured
+# name: (change of the image, scene, share that must be measured)
+CASES: dict[str, tuple[Change, dict[str, float], float]] = {
     "bar": (bar, {}, 0.95),
     "crossing line": (crossing_line, {}, 0.6),
     "parallel line": (parallel_line, {}, 0.6),

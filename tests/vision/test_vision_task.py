@@ -1,4 +1,4 @@
-"""The vision task without sockets or clocks: frames and platform positions in, stamped angles out."""
+"""Vision task without sockets or clocks: angles with time stamps from frames and positions."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def test_an_angle_leaves_after_the_processing_time_and_is_stamped_at_mid_exposur
     assert sample.pivot_miss_px == pytest.approx(0.0, abs=0.1)
 
 
-def test_the_average_of_three_frames_is_true_for_its_middle(camera: Camera) -> None:
+def test_the_average_of_three_frames_holds_at_their_middle(camera: Camera) -> None:
     vision = task()
     for k, angle in enumerate((0.10, 0.11, 0.12)):
         start_ns = k * PERIOD_NS
@@ -127,7 +127,7 @@ def test_the_average_of_three_frames_is_true_for_its_middle(camera: Camera) -> N
     assert sample.seq == 2
 
 
-def test_the_offset_is_taken_off_at_the_platform_of_each_frame(camera: Camera) -> None:
+def test_the_offset_is_subtracted_at_the_platform_position_of_each_frame(camera: Camera) -> None:
     vision = task(x_m=[0.0, 0.2], offset_rad=[0.0, -0.004])
     for k, x_m in enumerate((0.05, 0.10, 0.15)):
         vision.on_message("platform", platform(k * PERIOD_NS + 5 * MS, x_m), k * PERIOD_NS + 6 * MS)
@@ -142,9 +142,8 @@ def test_the_platform_is_interpolated_to_mid_exposure_along_a_smooth_move(camera
         vision.on_message(
             "platform", platform(round(t_s * 1e9), t_s**3, 3.0 * t_s**2), round(t_s * 1e9)
         )
-    sample = look(
-        vision, cable_at(camera, 0.0), 100 * MS
-    )  # a cubic passes Hermite interpolation unchanged
+    # Hermite interpolation reproduces a cubic
+    sample = look(vision, cable_at(camera, 0.0), 100 * MS)
     assert sample.platform_m == pytest.approx(0.105**3, abs=1e-12)
 
 
@@ -218,7 +217,9 @@ def test_a_picture_of_the_wrong_size_is_a_bad_image(shape: tuple[int, ...], enco
     )
 
 
-def test_a_rolling_shutter_s_angle_is_true_when_the_last_rows_are_read(camera: Camera) -> None:
+def test_the_angle_of_a_rolling_shutter_holds_at_the_read_out_of_the_last_rows(
+    camera: Camera,
+) -> None:
     row_ns, rate, start_s = 33_000, 0.32, 0.1
     light = np.empty((HEIGHT, WIDTH))
     for row in range(0, HEIGHT, 8):  # eight rows share an instant: 0.08 mrad
@@ -232,7 +233,7 @@ def test_a_rolling_shutter_s_angle_is_true_when_the_last_rows_are_read(camera: C
 
 
 @pytest.mark.parametrize("verb", list(Verb))
-def test_every_order_is_answered_with_its_id_and_changes_nothing(verb: Verb) -> None:
+def test_every_command_is_answered_with_its_id_and_changes_nothing(verb: Verb) -> None:
     step = task().on_message(
         "command", Command(seq=4, t_ns=1, id=77, to="vision", verb=verb), 5 * MS
     )
@@ -243,7 +244,7 @@ def test_every_order_is_answered_with_its_id_and_changes_nothing(verb: Verb) -> 
     assert (step.wake_ns, step.exit) == (None, None)
 
 
-def test_the_task_has_no_timer_and_nothing_to_say_at_its_end() -> None:
+def test_the_task_has_no_timer_and_no_shutdown_action() -> None:
     vision = task()
     assert vision.on_tick(5) == NO_STEP
     assert vision.stop(6) == NO_STEP
@@ -255,7 +256,7 @@ def test_settings_survive_json_and_an_unknown_key_is_refused() -> None:
         build(msgspec.json.encode(SETTINGS | {"heigth": 480}))
 
 
-def test_every_reason_of_the_tracker_is_a_word_of_the_wire() -> None:
+def test_every_reason_of_the_tracker_is_an_invalid_reason_of_the_message() -> None:
     assert {reason.value for reason in tracker.TrackFailure} <= {
         reason.value for reason in InvalidReason
     }
@@ -279,22 +280,27 @@ def test_a_video_gives_its_red_planes_at_the_frame_rate(tmp_path: Path, camera: 
         assert picture.red.flags.c_contiguous
 
 
-def test_a_single_plane_is_taken_as_it_is(camera: Camera) -> None:
+def test_a_single_plane_is_returned_unchanged(camera: Camera) -> None:
     plane = cable_at(camera, 0.0)
     assert red_plane(plane) is plane
 
 
-def test_a_missing_video_says_so(tmp_path: Path) -> None:
+def test_a_missing_video_is_refused(tmp_path: Path) -> None:
     with pytest.raises(VisionError, match="no such file"):
         video_frames(tmp_path / "nowhere.avi")
 
 
 @pytest.mark.parametrize("name", ["text.avi", "text.mp4"])
-def test_a_file_that_is_no_video_is_refused_in_one_voice(tmp_path: Path, name: str) -> None:
+def test_a_file_that_is_no_video_is_refused_with_a_single_message(
+    tmp_path: Path, name: str
+) -> None:
     path = tmp_path / name
     path.write_text("not a video\n" * 100)
     code = (
-        "import sys; from pathlib import Path; from vision.errors import VisionError; from vision.sources import video_frames\n"
+        "import sys\n"
+        "from pathlib import Path\n"
+        "from vision.errors import VisionError\n"
+        "from vision.sources import video_frames\n"
         "try: video_frames(Path(sys.argv[1]))\n"
         "except VisionError as e: sys.exit('refused: ' + str(e))"
     )
@@ -307,7 +313,7 @@ def test_a_file_that_is_no_video_is_refused_in_one_voice(tmp_path: Path, name: s
 
 
 @pytest.mark.parametrize("fps", [0.1, 90_000.0, math.nan])
-def test_a_nonsense_frame_rate_is_refused(
+def test_a_frame_rate_out_of_range_is_refused(
     tmp_path: Path, fps: float, monkeypatch: pytest.MonkeyPatch, camera: Camera
 ) -> None:
     path = written_video(tmp_path / "one.avi", [cable_at(camera, 0.0)], 50.0)

@@ -16,11 +16,11 @@ from comms.clock import MonotonicClock, cpu_of_s
 from comms.codec import decode
 from comms.ends import Wiring
 from comms.frames import with_pixels
-from comms.link import LinkCount, LinkFaults, settle
+from comms.link import LinkCount, LinkFaults, merge_counts
 from comms.messages import Command, Frame, Message, Reply, Verb
 from comms.operator_bus import Hello, OperatorBus, StreamEnd, Telemetry
 from comms.records import Event, LinkRow
-from comms.runner import ADMISSION_NS
+from comms.runner import START_TIMEOUT_NS
 from comms.task import Step
 from comms.udp import free_ports
 from rig.errors import FAULT, REFUSED, STOPPED, Refused
@@ -58,7 +58,7 @@ class ProcessRunner:
         self._session = secrets.randbits(63)
         self._children = Children(folder)
         self._present: set[str] = set()  # tasks whose sockets are open
-        self._left: set[tuple[str, str]] = set()  # (task, wire) that said farewell
+        self._left: set[tuple[str, str]] = set()  # (task, socket) whose stream ended
         self._gone: set[str] = set()  # tasks that died without
         self._heard = 0  # interrupts acted on
         self._logged = 0  # operator's events written
@@ -119,7 +119,7 @@ class ProcessRunner:
             host=host,
             ports=channel_ports(host, base_port),
             commands=self._bus.commands,
-            taps=self._bus.taps,
+            telemetry=self._bus.telemetry,
             pictures=self._bus.pictures,
             faults=faults,
             pictures_hz=pictures_hz,
@@ -134,7 +134,7 @@ class ProcessRunner:
 
     def _admit(self) -> None:
         """Begin when every task's sockets are open: the first heartbeat starts them all."""
-        until = self._clock.now_ns() + ADMISSION_NS
+        until = self._clock.now_ns() + START_TIMEOUT_NS
         while self._present != self._children.names and self._operator.stage is Stage.CONNECTING:
             self._bus.wait(LOOK_MS)
             self._hear()
@@ -198,7 +198,7 @@ class ProcessRunner:
             elif isinstance(said, Hello):
                 self._present.add(name)
             elif isinstance(said, StreamEnd):
-                self._left.add((name, said.wire))
+                self._left.add((name, said.socket))
             elif isinstance(said, Reply):
                 self._recorder.message("reply", said, now)
                 self._carry_out(self._operator.on_message("reply", said, now))
@@ -274,7 +274,9 @@ class ProcessRunner:
         """Hear everybody out; a task that does not leave in time is ended, and that is told."""
         until = self._clock.now_ns() + LEAVE_NS + delay_ns
         awaited = {
-            (name, wire) for name in self._present - self._gone for wire in ("words", "taps")
+            (name, socket)
+            for name in self._present - self._gone
+            for socket in ("control", "telemetry")
         }
         while self._clock.now_ns() < until and (awaited - self._left or self._children.any_alive()):
             self._bus.wait(LOOK_MS)
@@ -303,13 +305,14 @@ class ProcessRunner:
         for name in DATA:
             ends = [(name, CHANNELS[name].sender), (name, CHANNELS[name].receiver)]
             if all(end in self._rows for end in ends):
-                rows[name] = settle(self._rows[ends[0]], self._rows[ends[1]])
+                rows[name] = merge_counts(self._rows[ends[0]], self._rows[ends[1]])
             self.uncounted += [
                 f"{link}: {task}" for link, task in ends if (link, task) not in self._rows
             ]
         told = self._rows.get(("truth", "bench"))
         if told is not None:
-            rows["truth"] = settle(told, LinkCount(delivered=self._recorder.counts.get("truth", 0)))
+            logged = LinkCount(delivered=self._recorder.counts.get("truth", 0))
+            rows["truth"] = merge_counts(told, logged)
         return rows
 
 

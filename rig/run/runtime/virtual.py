@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 from comms.channels import CHANNELS, DATA, MS
 from comms.codec import encode
 from comms.ends import admit
-from comms.link import LinkCount, LinkFaults, LinkModel, SequenceWindow, settle
+from comms.link import LinkCount, LinkFaults, LinkModel, SequenceWindow, merge_counts
 from comms.messages import Command, Frame, Message, Reply, Verb
 from comms.records import Receipts, TaskTiming
 from comms.task import Step, Task
@@ -185,7 +185,7 @@ class VirtualRunner:
             self._recorder.record(timing, self.t_ns)
         for event in self._operator.events:
             self._recorder.record(event, event.t_ns)
-        rows = {name: settle(link.sender, link.reader) for name, link in self._links.items()}
+        rows = {name: merge_counts(link.sender, link.reader) for name, link in self._links.items()}
         return rows | {
             "truth": LinkCount(sent=self._truths, delivered=self._recorder.counts.get("truth", 0))
         }

@@ -1,4 +1,7 @@
-"""The wire written a second time, from the table in words: layouts, bounds, any message, one receiving end."""
+"""Second implementation of the wire format, from docs/wire.md.
+
+Layouts, bounds, a strategy for any message, and one receiving end.
+"""
 
 from __future__ import annotations
 
@@ -51,7 +54,7 @@ ANGLE = (
     *("residual_px", "pivot_miss_px", "background", "saturation"),
 )
 PICTURE = ("t_exposure_start_ns", "exposure_ns", "row_ns", "camera", "encoding", "height", "width")
-# channel: number on the wire, message, payload, name of each value of the payload
+# channel: id in the header, message, payload, name of each value of the payload
 WIRE: dict[str, tuple[int, type[Message], str, tuple[str, ...]]] = {
     "reference": (3, Reference, "q3d", ("t_target_ns", *POSITION)),
     "setpoint": (4, Setpoint, "3d", POSITION),
@@ -78,10 +81,10 @@ def datagram(
     session: int = SESSION,
     seq: int = 0,
     t_ns: int = 0,
-    told: int = 0,
+    length: int = 0,
 ) -> bytes:
-    """A datagram whose CRC fits whatever is in it, and its length too unless another is told."""
-    size = told or HEADER_BYTES + len(payload) + CRC_BYTES
+    """Build a datagram with a valid CRC, and with its true length unless another is given."""
+    size = length or HEADER_BYTES + len(payload) + CRC_BYTES
     body = (
         struct.pack(HEADER, magic, version, WIRE[channel][0], size, flags, session, seq, t_ns)
         + payload
@@ -90,7 +93,7 @@ def datagram(
 
 
 def zeros(channel: str) -> list[Any]:
-    """Payload of a message whose every value is zero; on every channel that is a message to be believed."""
+    """Payload values that are all zero but `valid`; a valid message on every channel."""
     values = struct.unpack(
         "<" + WIRE[channel][2], bytes(LENGTH[channel] - HEADER_BYTES - CRC_BYTES)
     )
@@ -98,19 +101,20 @@ def zeros(channel: str) -> list[Any]:
 
 
 def with_value(channel: str, place: int, value: Any) -> bytes:
-    """A datagram of zeros but for one value of its payload."""
+    """Build a datagram of zeros except for one value of its payload."""
     values = zeros(channel)
     values[place] = value
     return datagram(channel, struct.pack("<" + WIRE[channel][2], *values))
 
 
 def messages(channel: str) -> st.SearchStrategy[Any]:
-    """Any message of a channel, each field anywhere within the bounds its type declares."""
+    """Strategy for any message of a channel, each field within the bounds of its type."""
     kind = WIRE[channel][1]
     if kind is Frame:
         return frames()
-    fields = {f.name: _values(f.type) for f in msgspec.inspect.type_info(kind).fields}  # type: ignore[attr-defined]
-    return st.fixed_dictionaries(fields).map(lambda values: kind(**_consistent(values)))
+    fields = msgspec.inspect.type_info(kind).fields  # type: ignore[attr-defined]
+    values = {field.name: _values(field.type) for field in fields}
+    return st.fixed_dictionaries(values).map(lambda values: kind(**_consistent(values)))
 
 
 def _consistent(values: dict[str, Any]) -> dict[str, Any]:
@@ -142,7 +146,7 @@ def _values(kind: Any) -> st.SearchStrategy[Any]:
 
 @st.composite
 def frames(draw: st.DrawFn) -> Frame:
-    """A small picture with random pixels, grey or in colour."""
+    """Strategy for a small frame with random pixels, grey or in colour."""
     height, width, planes = (
         draw(st.integers(1, 12)),
         draw(st.integers(1, 12)),
@@ -167,15 +171,15 @@ def frames(draw: st.DrawFn) -> Frame:
     )
 
 
-def words(message: Message) -> dict[str, Any]:
-    """Every field of a message but its pixels, to compare."""
+def field_values(message: Message) -> dict[str, Any]:
+    """Fields of a message without its pixels, for a comparison."""
     return {
         name: value for name, value in msgspec.structs.asdict(message).items() if name != "pixels"
     }
 
 
 class Gate:
-    """One receiving end: bytes in; a message or None, and the counters that went up, out."""
+    """Receiving end: takes bytes, gives a message or None and the counters that increased."""
 
     def __init__(self, channel: str) -> None:
         self._channel = channel
@@ -192,7 +196,7 @@ class Gate:
     def admit(
         self, got: Message | Closing | Reject, t_ns: int = 0, late_ns: int = 0
     ) -> tuple[Message | None, dict[str, int]]:
-        """Admit what was decoded."""
+        """Admit a decoded item."""
         before = _counters(self.count)
         message = admit(got, self._window, self.count, late_ns, t_ns, self.receipts)
         after = _counters(self.count)
