@@ -265,7 +265,7 @@ def test_a_smooth_clock_s_own_derivatives_bound_those_of_the_composition():
             lambda: normalised(quintic(1.0).then(reversed_in_time(quintic(1.0)))),
             "must end elsewhere",
         ),
-        (lambda: within_limits(harmonic(1.0)), "one at least must be finite"),
+        (lambda: within_limits(harmonic(1.0)), "at least one must be finite"),
         (lambda: within_limits(harmonic(1.0), speed_m_s=-1.0), r"speed_m_s = -1\.0"),
         (lambda: within_limits(harmonic(1.0), jerk_m_s3=1.0), "a step in derivative 2"),
         (
