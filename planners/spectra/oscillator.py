@@ -12,7 +12,7 @@ import numpy as np
 from planners.errors import PlanError
 from planners.models.model import Model
 from planners.spectra.spectrum import ComplexArray, speed_steps, transform
-from planners.trajectories.driven import accelerations, driven, real_part
+from planners.trajectories.driven import accelerations, forced_response, real_part
 from planners.trajectories.pieces import ExpPolynomial, FloatArray, Piece
 from planners.trajectories.trajectory import Trajectory
 
@@ -132,7 +132,8 @@ def _advance(
 ) -> list[complex]:
     """Adds the piece of every coordinate; the states at its end."""
     answers = [
-        driven(push, rate, q) for rate, q in zip(load.eigenvalues_1_s.tolist(), states, strict=True)
+        forced_response(push, rate, q)
+        for rate, q in zip(load.eigenvalues_1_s.tolist(), states, strict=True)
     ]
     coordinates: list[Piece] = []
     for shares in load.mode_shapes.tolist():

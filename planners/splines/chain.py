@@ -16,7 +16,7 @@ from planners.splines.four_three_four import four_three_four
 from planners.splines.points import MIN_INTERVAL_REL, REST, End, via_points
 from planners.trajectories.cells import Polynomials
 from planners.trajectories.pieces import FloatArray
-from planners.trajectories.trajectory import JUMP, Trajectory
+from planners.trajectories.trajectory import JUMP_REL, Trajectory
 
 Through: TypeAlias = Callable[[FloatArray, FloatArray, End, End], Trajectory]
 
@@ -123,13 +123,13 @@ def _through(k: int, segment: Spline, start: End, end: End) -> Trajectory:
 
 def _check_joint(k: int, one: Segment, other: Segment) -> None:
     here, there = one.points_m[-1], other.points_m[0]
-    if abs(here - there) > JUMP * max(1.0, abs(here)):
+    if abs(here - there) > JUMP_REL * max(1.0, abs(here)):
         raise PlanError(
             f"segment {k} ends at {here} m, segment {k + 1} begins at {there} m; must meet: mend one of the points"
         )
     if isinstance(one, Straight) and isinstance(other, Straight):
         before, after = one.end.speed_m_s, other.end.speed_m_s
-        if abs(after - before) > JUMP * max(abs(before), abs(after)):
+        if abs(after - before) > JUMP_REL * max(abs(before), abs(after)):
             raise PlanError(
                 f"speed steps from {before:.6g} m/s in segment {k} to {after:.6g} m/s in segment {k + 1}; must be equal: "
                 "put a spline between them"

@@ -24,7 +24,7 @@ from planners.spectra.oscillator import MassChain, hanging, residual, response
 from planners.spectra.periodic import harmonics
 from planners.spectra.spectrum import spectrum, spectrum_by_cycles, transform
 from planners.spectra.swing_free import swing_free_cycles, swing_free_durations_s
-from planners.trajectories.driven import driven
+from planners.trajectories.driven import forced_response
 from planners.trajectories.pieces import ExpPolynomial, ModalTerm, Smooth, polynomial
 from planners.trajectories.trajectory import Trajectory
 
@@ -466,7 +466,7 @@ def test_at_and_near_resonance_nothing_is_lost(slip):
 @given(curves, st.floats(-4, 1), st.floats(-20, 20), numbers)
 def test_a_driven_mode_obeys_its_equation(push, damping, frequency, start):
     rate, t = complex(damping, frequency), np.linspace(0.0, push.duration_s, 7)
-    terms = driven(push, rate, start + 0j)
+    terms = forced_response(push, rate, start + 0j)
     q = np.array([sum(term.at(x) for term in terms) for x in t.tolist()])
     end = integral(lambda s: push.at(s) * np.exp(rate * (t[-1] - s)), t[-1])
     assert q[0] == pytest.approx(start, abs=1e-9)
