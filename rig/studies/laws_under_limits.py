@@ -10,7 +10,7 @@ from planners.laws.catalogue import coefficients, minimum_time_s
 from planners.laws.rect_cascade import LIMITS, RectCascade
 from planners.models.pendulum import PendulumModel
 from planners.replay.wrong_parameters import residual_amplitudes
-from planners.spectra.swing_free import FIRST, MOST_CYCLES, swing_free_cycles
+from planners.spectra.swing_free import MAX_CYCLES, MIN_CYCLES, swing_free_cycles
 from planners.trajectories.trajectory import Trajectory
 
 RECTS = {
@@ -98,9 +98,9 @@ def _fixed(name: str, distance: float, limits: tuple[float, ...]) -> Trajectory:
 
 def _swing_free_s(path: Trajectory, period_s: float) -> float:
     cycles = path.duration_s / period_s
-    if cycles + AHEAD > MOST_CYCLES:
+    if cycles + AHEAD > MAX_CYCLES:
         return math.nan
-    found = swing_free_cycles(path, cycles + AHEAD, max(FIRST, cycles - FIRST))
+    found = swing_free_cycles(path, cycles + AHEAD, max(MIN_CYCLES, cycles - MIN_CYCLES))
     later = found[found >= cycles * (1.0 - MET)]
     return float(later[0]) * period_s if later.size else math.nan
 
