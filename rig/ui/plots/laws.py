@@ -12,7 +12,7 @@ from planners.laws import LAWS
 from planners.laws.catalogue import coefficients
 from planners.spectra.law_spectra import law_spectrum
 from planners.spectra.swing_free import swing_free_cycles
-from planners.splines.limits import OF_ORDER, AxisLimits
+from planners.splines.limits import LIMIT_NAMES, AxisLimits
 from planners.trajectories.pieces import FloatArray
 from planners.trajectories.trajectory import JUMP_REL, Trajectory
 from rig.drives.motor import Motor, Verdict, operating_points, torque
@@ -225,7 +225,7 @@ def _samples(path: Trajectory, order: int) -> tuple[FloatArray, FloatArray]:
 
 def _limit_lines(panels: Sequence[Axes], limits: AxisLimits) -> None:
     bounds = [(limits.position_min_m, limits.position_max_m)]
-    bounds += [(-limits.of_order(order), limits.of_order(order)) for order in OF_ORDER]
+    bounds += [(-limits.peak_limit(order), limits.peak_limit(order)) for order in LIMIT_NAMES]
     for panel, sides in zip(panels, bounds, strict=True):
         for side in sides:
             if np.isfinite(side):
