@@ -12,7 +12,7 @@ import numpy as np
 from planners.boundary_value.linear import LinearProblem, Spectrum
 from planners.errors import PlanError
 from planners.problem import Problem
-from planners.trajectories.driven import Term, driven, real_part
+from planners.trajectories.driven import Term, forced_response, real_part
 from planners.trajectories.pieces import ComplexArray, ExpPolynomial, ModalTerm, add_closed
 from planners.trajectories.trajectory import Trajectory
 
@@ -107,7 +107,7 @@ class _Path:
             return self._answer_force(push.scaled(1.0 / self._whole_kg))
         if self._problem.input == "jerk":
             lag = self._problem.lag_s
-            answer = driven(
+            answer = forced_response(
                 push.scaled(1.0 / lag), complex(-1.0 / lag), complex(self._acceleration)
             )
             push = real_part(((1.0 + 0j, term) for term in answer), push.duration_s)
@@ -123,7 +123,7 @@ class _Path:
         self.centre = [move.value(push.duration_s), speed.value(push.duration_s)]
         parts = list[tuple[complex, Term]]()
         for k, (rate, share, value) in enumerate(self._swing):
-            terms = driven(push, rate, value)
+            terms = forced_response(push, rate, value)
             self._swing[k] = (rate, share, sum((term.at(push.duration_s) for term in terms), 0j))
             parts += [(share, term) for term in terms]
         move = add_closed(move, real_part(parts, push.duration_s))

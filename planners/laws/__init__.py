@@ -1,7 +1,8 @@
 """Motion laws from 0 to 1, rest to rest: one table, law(duration_s) -> Trajectory.
 
 Imports trajectories, planners/bounds.py and planners/errors.py.
-A move of any size, sign and place is LAWS[name](duration_s).scaled(distance_m).shifted(start_m); 0 m stands still.
+A move of any distance, sign and start is
+LAWS[name](duration_s).scaled(distance_m).shifted(start_m); a distance of 0 m is a hold.
 """
 
 from __future__ import annotations

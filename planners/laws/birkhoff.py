@@ -1,4 +1,4 @@
-"""The polynomial that meets any set of conditions q^(k)(t) = value, gaps allowed (Hermite-Birkhoff interpolation)."""
+"""Polynomial through conditions q^(k)(t) = value, gaps allowed (Hermite-Birkhoff interpolation)."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ from planners.errors import NotConverged, PlanError, check_range
 from planners.trajectories.pieces import ExpPolynomial, FloatArray, polynomial
 from planners.trajectories.trajectory import Trajectory
 
-MOST = 32  # conditions; powers of a time are then numbers
-SINGULAR = 1e-12  # smallest by largest singular value of the conditions in scaled time
-RESIDUAL = 1e-9  # largest miss of a condition, as a share of the polynomial's size
+MAX_CONDITIONS = 32  # beyond, powers of a time overflow or vanish
+MIN_SINGULAR_VALUE_REL = 1e-12  # of the largest one, for the conditions in scaled time
+RESIDUAL_REL = 1e-9  # largest error of a condition, relative to the sum of |coefficients|
+CLASH_SHARE = 1e-6  # smallest entry of a singular vector whose condition counts as clashing
 
 
 class Condition(NamedTuple):
-    """Derivative `order` of the position is value [m/s^order] at t_s, on any clock."""
+    """Condition q^(order)(t_s) = value [m/s^order]; t_s counts from any origin."""
 
     t_s: float
     order: int
@@ -30,96 +31,115 @@ class Condition(NamedTuple):
 
 
 def hermite_birkhoff(conditions: Sequence[Condition]) -> Trajectory:
-    """The polynomial with as many powers as conditions, from the first of their times to the last (source 000).
+    """Compute the polynomial with as many coefficients as conditions (source 000).
 
-    Solved in Chebyshev polynomials of the centred and scaled time. Raises PlanError for a condition that is no number, is
-    given twice or asks a derivative beyond the degree, and for sets without a unique answer, naming those that clash;
-    NotConverged when rounding spoils a condition by more than RESIDUAL.
+    It lasts from the first of their times to the last. The system is solved in Chebyshev
+    polynomials of the centred and scaled time.
+    Raises PlanError for a condition that is not a number, is given twice or has an order above
+    the degree, and for sets without a unique solution; the message names the conditions.
+    Raises NotConverged when rounding violates a condition by more than RESIDUAL_REL.
     """
     _check(conditions)
     times = np.array([c.t_s for c in conditions])
-    middle, half_s = (times.max() + times.min()) / 2, (times.max() - times.min()) / 2
+    middle = (times.max() + times.min()) / 2
+    half_s = (times.max() - times.min()) / 2
     matrix = _matrix(conditions, (times - middle) / half_s)  # (n, n)
     scale = np.abs(matrix).max(axis=1)
     rows = matrix / scale[:, None]
-    left, sizes, _ = np.linalg.svd(rows)
-    if sizes[-1] <= SINGULAR * sizes[0]:
-        clash = [
-            str(c) for c, share in zip(conditions, np.abs(left[:, -1]), strict=True) if share > 1e-6
-        ]
-        raise PlanError(
-            f"conditions {', '.join(clash)} clash: singular values {sizes[-1]:.3g} to {sizes[0]:.3g}; their ratio must be "
-            f"> {SINGULAR:g}: move one in time or replace it"
-        )
-    wanted = np.array([c.value * half_s**c.order for c in conditions]) / scale
-    answer = np.linalg.solve(rows, wanted)
-    piece = _piece(answer, half_s)
-    start_s = float(times.min())
-    found = (
-        np.array(
-            [piece.at(np.array(c.t_s - start_s), c.order) * half_s**c.order for c in conditions]
-        )
-        / scale
-    )
-    worst = float(np.abs(found - wanted).max())
-    if not worst <= RESIDUAL * float(np.abs(answer).sum()):
+    _check_regular(conditions, rows)
+    required = np.array([c.value * half_s**c.order for c in conditions]) / scale
+    series = np.linalg.solve(rows, required)
+    piece = _piece(series, half_s)
+    reached = _scaled_values(piece, conditions, half_s) / scale
+    worst = float(np.abs(reached - required).max())
+    if not worst <= RESIDUAL_REL * float(np.abs(series).sum()):
         raise NotConverged(
-            f"a polynomial of degree {len(conditions) - 1} misses its conditions by {worst:.3g}, scaled; must be "
-            f"<= {RESIDUAL:g} of its size: split the move, or take a spline"
+            f"residual of a polynomial of degree {len(conditions) - 1} is {worst:.3g}, scaled; "
+            f"must be <= {RESIDUAL_REL:g} of its size: split the move, or use a spline"
         )
     return Trajectory((piece,))
 
 
 def _check(conditions: Sequence[Condition]) -> None:
     n = len(conditions)
-    check_range("number of conditions", n, 2, MOST, "split the move, or take a spline")
+    check_range("number of conditions", n, 2, MAX_CONDITIONS, "split the move, or use a spline")
     for c in conditions:
         check_range(
-            f"time of condition {c}", c.t_s, -bounds.LONGEST_S, bounds.LONGEST_S, "mend or drop it"
+            f"time of condition {c}",
+            c.t_s,
+            -bounds.LONGEST_S,
+            bounds.LONGEST_S,
+            "correct or remove it",
         )
         bounds.rate(f"condition {c}", c.value)
         if not 0 <= c.order < n:
             raise PlanError(
-                f"condition {c} among {n}; its order must be 0 to {n - 1}, the degree: add conditions of lower order"
+                f"condition {c} among {n}; its order must be 0 to {n - 1}, the degree: "
+                "add conditions of lower order"
             )
-    twice = [
-        f"q^({order})({t_s:g} s)"
-        for (t_s, order), k in Counter((c.t_s, c.order) for c in conditions).items()
-        if k > 1
-    ]
-    if twice:
-        raise PlanError(
-            f"condition {twice[0]} is given more than once; must be given once: drop one"
-        )
-    if len({c.t_s for c in conditions}) < 2:
-        raise PlanError(
-            f"conditions at {len({c.t_s for c in conditions})} times; must be >= 2: add one at another time"
-        )
-    bounds.duration(max(c.t_s for c in conditions) - min(c.t_s for c in conditions))
-    for order in range(n):  # Polya: the derivatives below an order alone must fix as many powers
+    _check_times(conditions)
+    for order in range(n):  # Polya: derivatives 0 to order must fix order + 1 coefficients
         lower = sum(c.order <= order for c in conditions)
         if lower <= order:
             raise PlanError(
-                f"{lower} conditions on derivatives 0 to {order} of {n}; must be >= {order + 1}, or lower powers stay free: "
+                f"{lower} conditions on derivatives 0 to {order} of {n}; must be >= {order + 1}, "
+                "or lower coefficients stay free: "
                 f"replace one of higher order by one of order <= {order}"
             )
 
 
-def _matrix(conditions: Sequence[Condition], x: FloatArray) -> FloatArray:
-    """Derivative of each Chebyshev polynomial (columns) at each condition's scaled time."""
-    from numpy.polynomial.chebyshev import chebder, chebval
+def _check_times(conditions: Sequence[Condition]) -> None:
+    """Raise PlanError for a repeated condition, or for fewer than two times."""
+    counts = Counter((c.t_s, c.order) for c in conditions)
+    for (t_s, order), count in counts.items():
+        if count > 1:
+            raise PlanError(
+                f"condition q^({order})({t_s:g} s) is given {count} times; must be given once: "
+                "remove one"
+            )
+    times = {c.t_s for c in conditions}
+    if len(times) < 2:
+        raise PlanError(f"conditions at {len(times)} times; must be >= 2: add one at another time")
+    bounds.duration(max(times) - min(times))
 
-    basis = np.eye(len(conditions))
-    return np.array(
-        [
-            chebval(place, chebder(basis, c.order))
-            for c, place in zip(conditions, x.tolist(), strict=True)
-        ]
+
+def _check_regular(conditions: Sequence[Condition], rows: FloatArray) -> None:
+    """Raise PlanError when the scaled matrix (n, n) is singular; name the conditions."""
+    left, singular_values, _ = np.linalg.svd(rows)
+    smallest, largest = singular_values[-1], singular_values[0]
+    if not smallest <= MIN_SINGULAR_VALUE_REL * largest:
+        return
+    shares = np.abs(left[:, -1])
+    clash = [str(conditions[k]) for k in np.flatnonzero(shares > CLASH_SHARE).tolist()]
+    raise PlanError(
+        f"conditions {', '.join(clash)} clash: singular values {smallest:.3g} to {largest:.3g}; "
+        f"their ratio must be > {MIN_SINGULAR_VALUE_REL:g}: move one in time or replace it"
     )
 
 
+def _matrix(conditions: Sequence[Condition], x: FloatArray) -> FloatArray:
+    """Compute derivatives of the Chebyshev polynomials (columns) at scaled times x: (n, n)."""
+    from numpy.polynomial.chebyshev import chebder, chebval
+
+    basis = np.eye(len(conditions))
+    rows = [
+        chebval(place, chebder(basis, c.order))
+        for c, place in zip(conditions, x.tolist(), strict=True)
+    ]
+    return np.array(rows)
+
+
+def _scaled_values(
+    piece: ExpPolynomial, conditions: Sequence[Condition], half_s: float
+) -> FloatArray:
+    """Compute the value of each condition on the piece, in scaled time: (n,)."""
+    start_s = float(min(c.t_s for c in conditions))
+    values = [piece.at(np.array(c.t_s - start_s), c.order) * half_s**c.order for c in conditions]
+    return np.array(values)
+
+
 def _piece(series: FloatArray, half_s: float) -> ExpPolynomial:
-    """From Chebyshev coefficients on [-1, 1] to powers of the time since the start."""
+    """Convert Chebyshev coefficients on [-1, 1] to powers of the time since the start."""
     from numpy.polynomial.chebyshev import cheb2poly
 
     powers = polynomial(2.0, cheb2poly(series).tolist()).window(-1.0, 2.0).coefficients

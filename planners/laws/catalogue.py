@@ -1,4 +1,4 @@
-"""What each law costs: its smoothness, its peaks and root mean squares in normalised form, its minimum time under limits."""
+"""Characteristics of the motion laws: smoothness, normalised peaks and rms, minimum time."""
 
 from __future__ import annotations
 
@@ -11,11 +11,14 @@ from planners.errors import PlanError, unknown_name
 from planners.laws import LAWS
 from planners.trajectories.trajectory import Trajectory
 
-SMOOTHEST = 6  # highest continuous derivative that is looked for
+MAX_CONTINUITY_ORDER = 6  # highest derivative tested for steps
 
 
 class Coefficients(NamedTuple):
-    """A law's peaks and root mean squares over a move of 1 in a time of 1, exact: they grow with h/T, h/T^2 and h/T^3."""
+    """Peaks and root mean squares of a law for distance 1 in time 1, exact.
+
+    Speeds scale with h/T, accelerations with h/T^2, jerks with h/T^3.
+    """
 
     name: str
     continuity: str  # C1: the speed has no step, C2: nor the acceleration, ...
@@ -28,24 +31,24 @@ class Coefficients(NamedTuple):
 
 @lru_cache(maxsize=len(LAWS))
 def coefficients(name: str) -> Coefficients:
-    """The named law's row. Raises PlanError for an unknown name."""
+    """Compute the coefficients of the named law. Raises PlanError for an unknown name."""
     if name not in LAWS:
         raise unknown_name("law", name, LAWS)
     law = LAWS[name](1.0)
-    smooth = _continuity(law)
+    order = _continuity_order(law)
     return Coefficients(
         name=name,
-        continuity=f"C{smooth}",
+        continuity=f"C{order}",
         cv=law.peak(1).value,
         ca=law.peak(2).value,
         cv_rms=law.rms(1),
         ca_rms=law.rms(2),
-        cj=law.peak(3).value if smooth >= 2 else math.inf,
+        cj=law.peak(3).value if order >= 2 else math.inf,
     )
 
 
 def catalogue() -> list[Coefficients]:
-    """A row for every law, in the order of LAWS."""
+    """Compute the coefficients of every law, in the order of LAWS."""
     return [coefficients(name) for name in LAWS]
 
 
@@ -57,10 +60,12 @@ def minimum_time_s(
     acceleration_m_s2: float = math.inf,
     jerk_m_s3: float = math.inf,
 ) -> float:
-    """The shortest time in which the law goes distance_m within the limits: kinematic scaling (source 000); 0 for 0 m.
+    """Compute the minimum time of a law over distance_m within the limits; 0 for 0 m.
 
-    T = max(Cv h / v, sqrt(Ca h / a), cbrt(Cj h / j)). Laws with shares keep their defaults. Raises PlanError for an unknown
-    name, a limit out of bounds, no finite limit, and a jerk limit for a law whose acceleration has a step.
+    Kinematic scaling (source 000): T = max(Cv h / v, sqrt(Ca h / a), cbrt(Cj h / j)). Laws with
+    shares of the duration keep their default shares.
+    Raises PlanError for an unknown name, a limit out of bounds, no finite limit, and a jerk
+    limit for a law whose acceleration has a step.
     """
     row, h = coefficients(name), abs(bounds.distance(distance_m))
     limits = {
@@ -70,17 +75,19 @@ def minimum_time_s(
     }
     if not any(math.isfinite(bounds.limit(*item)) for item in limits.items()):
         raise PlanError(
-            f"limits {limits} of law {name}; one at least must be finite: give a speed or an acceleration"
+            f"limits {limits} of law {name}; at least one must be finite: "
+            "give a speed or an acceleration"
         )
     if math.isfinite(jerk_m_s3) and math.isinf(row.cj):
         raise PlanError(
-            f"jerk_m_s3 = {jerk_m_s3} for law {name} of class {row.continuity}; it must be C2 or smoother, as a step in the "
-            "acceleration is an infinite jerk: take cycloidal, quintic or double_s"
+            f"jerk_m_s3 = {jerk_m_s3} for law {name} of class {row.continuity}; it must be C2 or "
+            "smoother, as a step in the acceleration is an infinite jerk: "
+            "use cycloidal, quintic or double_s"
         )
     jerk_time_s = float(math.cbrt(row.cj * h / jerk_m_s3)) if math.isfinite(jerk_m_s3) else 0.0
     return max(row.cv * h / speed_m_s, math.sqrt(row.ca * h / acceleration_m_s2), jerk_time_s)
 
 
-def _continuity(law: Trajectory) -> int:
-    """The highest derivative without a step, at the ends too."""
-    return next(k for k in range(SMOOTHEST + 1) if not law.continuous(k + 1))
+def _continuity_order(law: Trajectory) -> int:
+    """Compute the highest order up to which no derivative has a step, ends included."""
+    return next(k for k in range(MAX_CONTINUITY_ORDER + 1) if not law.continuous(k + 1))

@@ -1,4 +1,4 @@
-"""The shadow of a point on an ellipse: harmonic for a circle, faster in the middle the longer the axis."""
+"""Elliptic law: projection of a point on an ellipse; harmonic for a circle."""
 
 from __future__ import annotations
 
@@ -17,24 +17,30 @@ if TYPE_CHECKING:
     from numpy.polynomial import Polynomial
 
 MAX_DERIVATIVE_ORDER = 8
-LONGEST_AXIS = 12.0  # up to it speed to snap can be analysed; a longer one is too steep in the middle for its rounding
+MAX_AXIS_RATIO = 12.0  # up to it speed to snap are resolved; above, the middle is too steep
 
 
 def elliptic(duration_s: float, axis_ratio: float = 1.2) -> Trajectory:
-    """(1 - cos y / sqrt(1 - alpha sin^2 y)) / 2, y = pi t / T, alpha = (n^2 - 1) / n^2, from 0 to 1 in T = duration_s.
+    """Compute the elliptic law from 0 to 1 in T = duration_s (source 000).
 
-    axis_ratio is n, 1 to LONGEST_AXIS (source 000, which leaves alpha open). Peak
-    speed n pi / 2, acceleration at the ends pi^2 / (2 n^2).
+    (1 - cos y / sqrt(1 - alpha sin^2 y)) / 2 with y = pi t / T and alpha = (n^2 - 1) / n^2.
+    n = axis_ratio, 1 to MAX_AXIS_RATIO; source 000 leaves alpha open. Peak speed n pi / 2,
+    acceleration at the ends pi^2 / (2 n^2).
     """
     from numpy.polynomial import Polynomial
 
     bounds.duration(duration_s)
     check_range(
-        "axis_ratio", axis_ratio, 1.0, LONGEST_AXIS, "take a shorter ellipse; 1 is the harmonic law"
+        "axis_ratio",
+        axis_ratio,
+        1.0,
+        MAX_AXIS_RATIO,
+        "choose a smaller ratio; 1 is the harmonic law",
     )
     alpha = 1.0 - 1.0 / axis_ratio**2
-    cosine = _Term(Polynomial([1.0]), True, 0.5)
-    terms = list(accumulate(repeat(alpha, MAX_DERIVATIVE_ORDER), _Term.slope, initial=cosine))
+    cosine = _EllipticTerm(Polynomial([1.0]), True, 0.5)
+    alphas = repeat(alpha, MAX_DERIVATIVE_ORDER)
+    terms = list(accumulate(alphas, _EllipticTerm.derivative, initial=cosine))
     rate_1_s = math.pi / duration_s
 
     def position(t: FloatArray, order: int) -> FloatArray:
@@ -44,11 +50,14 @@ def elliptic(duration_s: float, axis_ratio: float = 1.2) -> Trajectory:
     return Trajectory((Smooth(duration_s, position, MAX_DERIVATIVE_ORDER),))
 
 
-class _Term(NamedTuple):
-    """p(s) c^odd / (1 - alpha s^2)^power with s = sin y, c = cos y: a form that its derivatives keep."""
+class _EllipticTerm(NamedTuple):
+    """Term p(s) c^odd / (1 - alpha s^2)^power with s = sin y, c = cos y.
+
+    Its derivative has the same form.
+    """
 
     p: Polynomial
-    odd: bool  # times the cosine
+    odd: bool  # multiplied by the cosine
     power: float
 
     def at(self, y: FloatArray, alpha: float) -> FloatArray:
@@ -56,11 +65,11 @@ class _Term(NamedTuple):
         value = self.p(s) / (1.0 - alpha * s * s) ** self.power
         return np.asarray(value * np.cos(y) if self.odd else value)
 
-    def slope(self, alpha: float) -> _Term:
+    def derivative(self, alpha: float) -> _EllipticTerm:
         from numpy.polynomial import Polynomial
 
         base, s = Polynomial([1.0, 0.0, -alpha]), Polynomial([0.0, 1.0])
-        rise = self.p.deriv() * base + 2.0 * self.power * alpha * s * self.p
+        numerator = self.p.deriv() * base + 2.0 * self.power * alpha * s * self.p
         if self.odd:
-            rise = rise * Polynomial([1.0, 0.0, -1.0]) - s * self.p * base
-        return _Term(rise, not self.odd, self.power + 1.0)
+            numerator = numerator * Polynomial([1.0, 0.0, -1.0]) - s * self.p * base
+        return _EllipticTerm(numerator, not self.odd, self.power + 1.0)

@@ -1,4 +1,4 @@
-"""Half a cosine: the smoothest-looking law whose acceleration still starts and ends with a step."""
+"""Harmonic law: half a cosine; its acceleration starts and ends with a step."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from planners.trajectories.trajectory import Trajectory
 
 
 def harmonic(duration_s: float) -> Trajectory:
-    """(1 - cos(pi t / T)) / 2, from 0 to 1 in T = duration_s (source 004, appendix B). PlanError unless finite and > 0.
+    """Compute the harmonic law (1 - cos(pi t / T)) / 2, from 0 to 1 in T = duration_s.
 
-    Its acceleration is pi^2/(2 T^2) cos(pi t / T); source 000 prints it twice as large in one of two places.
+    Source 004, appendix B. The acceleration is pi^2/(2 T^2) cos(pi t / T); source 000 prints it
+    twice as large in one of two places. Raises PlanError for a duration out of bounds.
     """
     bounds.duration(duration_s)
-    return Trajectory(
-        (ExpPolynomial(duration_s, (0.5,), (ModalTerm(1j * math.pi / duration_s, (-0.5 + 0j,)),)),)
-    )
+    cosine = ModalTerm(1j * math.pi / duration_s, (-0.5 + 0j,))
+    return Trajectory((ExpPolynomial(duration_s, (0.5,), (cosine,)),))

@@ -62,7 +62,7 @@ class _Link:
         if isinstance(piece, Smooth):
             cells = resolve(piece, 1).halves_s.size
         elif piece.modes:
-            cells = piece.cells
+            cells = piece.cell_count
         phase = math.sqrt(self.weight + self.spring) * piece.duration_s
         return max(
             math.ceil(STEPS_PER_RADIAN * phase), STEPS_PER_CELL * cells, self._simpson_steps(piece)

@@ -62,7 +62,7 @@ def _steps(trajectory: Trajectory, step_s: float) -> Iterator[list[_Span]]:
         cells = (
             resolve(piece, 1).halves_s.min() * 2.0
             if isinstance(piece, Smooth)
-            else piece.duration_s / piece.cells
+            else piece.duration_s / piece.cell_count
         )
         count = math.ceil(piece.duration_s / min(cells, step_s))
         h = piece.duration_s / count

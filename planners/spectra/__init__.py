@@ -1,4 +1,4 @@
-"""Acceleration spectra of motions, and durations with zero residual vibration.
+"""Acceleration spectra of motions, and zero-residual-vibration durations.
 
 Imports trajectories, laws and models.
 """

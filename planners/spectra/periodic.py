@@ -1,4 +1,4 @@
-"""The acceleration of a motion that is repeated for ever: its Fourier series."""
+"""Fourier series of the acceleration of a periodic motion."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from planners.spectra.spectrum import transform
 from planners.trajectories.pieces import FloatArray
 from planners.trajectories.trajectory import Trajectory
 
-PERIOD_ROUNDING_REL = 1e-12  # of the duration; a period shorter by less is meant to be the duration
+PERIOD_ROUNDING_REL = 1e-12  # of the duration; a period shorter by less is rounding
 
 
 class Harmonics(NamedTuple):
-    """a(t) = sum_k amplitudes_k cos(2 pi k t / period + phases_k), k from 0."""
+    """Fourier series a(t) = sum_k amplitudes_k cos(2 pi k t / period + phases_k), k from 0."""
 
     period_s: float
     amplitudes_m_s2: FloatArray  # (count + 1,) the first is the mean, with its sign
     phases_rad: FloatArray  # (count + 1,) the first is 0
 
     def at(self, t_s: ArrayLike) -> FloatArray:
-        """The sum at times of any shape [m/s^2]."""
+        """Compute the sum at times of any shape [m/s^2]."""
         k = np.arange(self.amplitudes_m_s2.size)
         angles = np.multiply.outer(
             np.asarray(t_s, dtype=np.float64), 2.0 * math.pi / self.period_s * k
@@ -33,10 +33,12 @@ class Harmonics(NamedTuple):
 
 
 def harmonics(trajectory: Trajectory, count: int, period_s: float | None = None) -> Harmonics:
-    """The first `count` harmonics of the acceleration when the motion begins anew every period_s (its duration by default).
+    """Compute the first `count` harmonics of the acceleration of a repeated motion.
 
-    v_k = 2 |X(2 pi k / period)| / period with X the transform of one motion, 2 pi V'(k) / T without a pause. For a move of
-    h metres in T seconds v_k = h / T^2 times that of the unit move: source 000 prints h / T, and leaves a 1 / T in the rest.
+    The motion restarts every period_s, its duration by default.
+    v_k = 2 |X(2 pi k / period)| / period with X the transform of one motion, 2 pi V'(k) / T
+    without a pause. For a move of h metres in T seconds v_k is h / T^2 times that of the unit
+    move; source 000 prints h / T, and a 1 / T in the other factor.
     Raises PlanError for a negative count or a period shorter than the motion.
     """
     period = trajectory.duration_s if period_s is None else period_s
@@ -44,9 +46,12 @@ def harmonics(trajectory: Trajectory, count: int, period_s: float | None = None)
         raise PlanError(f"count = {count} harmonics; must be >= 0: 0 is the mean alone")
     if not trajectory.duration_s * (1.0 - PERIOD_ROUNDING_REL) <= period < math.inf:
         raise PlanError(
-            f"period_s = {period} of a motion; must be finite and >= its {trajectory.duration_s} s: wait for its end"
+            f"period_s = {period} of a motion; must be finite and >= its duration, "
+            f"{trajectory.duration_s} s: lengthen the period"
         )
     x = transform(trajectory, 2j * math.pi / period * np.arange(count + 1)) / period
-    amplitudes, phases = 2.0 * np.abs(x), np.angle(x)
-    amplitudes[0], phases[0] = x[0].real, 0.0
+    amplitudes = 2.0 * np.abs(x)
+    amplitudes[0] = x[0].real
+    phases = np.angle(x)
+    phases[0] = 0.0
     return Harmonics(period, amplitudes, phases)

@@ -1,39 +1,37 @@
-"""What a motion's acceleration holds at a frequency: exact for every trajectory, without a singular frequency.
+"""Acceleration spectrum of any trajectory, exact and without a singular frequency.
 
-On a cell the acceleration is a Legendre series, and int_-1^1 P_n(x) exp(-j z x) dx = 2 (-j)^n j_n(z) with the spherical
-Bessel function j_n (DLMF 18.17.19): no division by what may vanish, hence no resonance to step around.
+On a cell the acceleration is a Legendre series, and int_-1^1 P_n(x) exp(-j z x) dx =
+2 (-j)^n j_n(z) with the spherical Bessel function j_n (DLMF 18.17.19). There is no divisor that
+may vanish, so resonance needs no special case.
 """
 
 from __future__ import annotations
 
 import math
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from planners.errors import PlanError
 from planners.trajectories.cells import Cells, resolve
-from planners.trajectories.pieces import FloatArray
+from planners.trajectories.pieces import ComplexArray, FloatArray
 from planners.trajectories.trajectory import Trajectory
 
-ComplexArray: TypeAlias = NDArray[np.complex128]
-
-BLOCK = 500_000  # Bessel functions held at once
-BEYOND = 25  # orders beyond the last one from which a continued fraction begins: it has forgotten its start to 1e-15
-TINY = 1e-30  # |z| at which j_0 is 1 and the others are 0
-COEFFICIENT_ROUNDING_REL = (
-    4e-16  # of the largest coefficient; later terms of a series that small are dropped
-)
+MAX_HELD_FUNCTIONS = 500_000  # Bessel functions in one matrix
+MAX_GROWTH_EXPONENT = 700.0  # of exp; 709 overflows
+EXTRA_ORDERS = 25  # above the last one, where the continued fraction starts: its error is 1e-15
+TINY_ARGUMENT = 1e-30  # |z| below which j_0 is 1 and the others are 0
+COEFFICIENT_ROUNDING_REL = 4e-16  # of the largest coefficient; smaller last terms are dropped
 
 
 def transform(
     trajectory: Trajectory, eigenvalues_1_s: ArrayLike, origin_s: float = 0.0
 ) -> ComplexArray:
-    """int a(t) exp(-rate (t - origin)) dt [m/s] for rates of any shape, in that shape; a step in speed is an impulse.
+    """Compute int a(t) exp(-rate (t - origin)) dt [m/s] for rates of any shape, in that shape.
 
-    rate = j w gives the Fourier transform. With rate = a mode's eigenvalue and origin_s = duration_s it is what the mode
-    q' = rate q + a holds at the end. Raises PlanError for a rate that is not finite, or too damped for its origin.
+    A step in speed is an impulse. rate = j w gives the Fourier transform. With the eigenvalue of
+    a mode as rate and origin_s = duration_s it is the state of the mode q' = rate q + a at the
+    end. Raises PlanError for a rate that is not finite, or too damped for its origin.
     """
     rates = np.asarray(eigenvalues_1_s, dtype=np.complex128)
     flat = rates.ravel()
@@ -45,34 +43,38 @@ def transform(
     total = _impulses(trajectory, flat, origin_s)
     for begin, piece in zip(trajectory.breaks_s.tolist(), trajectory.pieces, strict=False):
         cells = _trimmed(resolve(piece, 2))
-        blocks = np.array_split(flat, math.ceil(max(1, flat.size) * cells.series.size / BLOCK))
+        functions = max(1, flat.size) * cells.series.size
+        blocks = np.array_split(flat, math.ceil(functions / MAX_HELD_FUNCTIONS))
         total += np.concatenate([_integral(cells, begin - origin_s, block) for block in blocks])
     return total.reshape(rates.shape)
 
 
 def spectrum(trajectory: Trajectory, frequencies_rad_s: ArrayLike) -> FloatArray:
-    """V(w) = |int a exp(-j w t) dt| / pi [m/s], any shape, so that a(t) = int_0^inf V cos(w t + phi) dw.
+    """Compute the acceleration spectrum V(w) = |int a exp(-j w t) dt| / pi [m/s], any shape.
 
-    Source 000, spectrum of acceleration. pi V(w)/w is the swing an undamped load of frequency w keeps. A move of
-    h times the distance has h times V; played lambda times as fast it has lambda V(w / lambda).
+    Then a(t) = int_0^inf V cos(w t + phi) dw (source 000, spectrum of acceleration). pi V(w)/w is
+    the residual amplitude of an undamped load of frequency w. A move of h times the distance has
+    h times V; lambda times as fast it has lambda V(w / lambda).
     """
     w = np.asarray(frequencies_rad_s, dtype=np.float64)
     return np.asarray(np.abs(transform(trajectory, 1j * w)) / math.pi)
 
 
 def spectrum_by_cycles(trajectory: Trajectory, cycles: ArrayLike) -> FloatArray:
-    """V'(Omega) = V(2 pi Omega / T) [m/s]: cycles Omega = periods that fit into the move's duration, any shape."""
-    return spectrum(
-        trajectory, 2.0 * math.pi / trajectory.duration_s * np.asarray(cycles, dtype=np.float64)
-    )
+    """Compute V'(Omega) = V(2 pi Omega / T) [m/s]; cycles Omega = periods in the duration."""
+    omega = np.asarray(cycles, dtype=np.float64)
+    return spectrum(trajectory, 2.0 * math.pi / trajectory.duration_s * omega)
 
 
 def _check_growth(trajectory: Trajectory, eigenvalues_1_s: ComplexArray, origin_s: float) -> None:
-    reach = (-eigenvalues_1_s.real * (end - origin_s) for end in (0.0, trajectory.duration_s))
-    most = max((float(r.max()) for r in reach if r.size), default=0.0)
-    if most > 700.0:
+    """Raise PlanError when exp(-rate (t - origin)) would overflow."""
+    exponents = (-eigenvalues_1_s.real * (end - origin_s) for end in (0.0, trajectory.duration_s))
+    most = max((float(e.max()) for e in exponents if e.size), default=0.0)
+    if most > MAX_GROWTH_EXPONENT:
         raise PlanError(
-            f"exp(-rate (t - origin)) reaches exp({most:.4g}); must be <= exp(700): set origin_s to the end the load decays to"
+            f"exp(-rate (t - origin)) reaches exp({most:.4g}); must be "
+            f"<= exp({MAX_GROWTH_EXPONENT:.0f}): set origin_s to the end towards which "
+            "the load decays"
         )
 
 
@@ -87,75 +89,75 @@ def _impulses(
 
 
 def speed_steps(trajectory: Trajectory) -> FloatArray:
-    """Step in speed [m/s] at every joint and against rest at both ends: (pieces + 1,)."""
-    ends = np.array(
-        [piece.at(np.array([0.0, piece.duration_s]), 1) for piece in trajectory.pieces]
-    )  # (pieces, 2)
+    """Compute the steps in speed [m/s] at joints and against rest at both ends: (pieces + 1,)."""
+    rows = [piece.at(np.array([0.0, piece.duration_s]), 1) for piece in trajectory.pieces]
+    ends = np.array(rows)  # (pieces, 2)
     return np.asarray(np.append(ends[:, 0], 0.0) - np.insert(ends[:, 1], 0, 0.0))
 
 
 def _trimmed(cells: Cells) -> Cells:
+    """Drop the last terms that are rounding."""
     sizes = np.abs(cells.series).max(axis=0)
-    terms = (
-        int(np.flatnonzero(sizes > COEFFICIENT_ROUNDING_REL * sizes.max())[-1]) + 1
-        if sizes.any()
-        else 1
-    )
+    terms = 1
+    if sizes.any():
+        significant = np.flatnonzero(sizes > COEFFICIENT_ROUNDING_REL * sizes.max())
+        terms = int(significant[-1]) + 1
     return cells._replace(series=cells.series[:, :terms])
 
 
 def _integral(cells: Cells, begin_s: float, eigenvalues_1_s: ComplexArray) -> ComplexArray:
-    """Integral of the series times exp(-rate (begin + t)): (W,) for rates (W,)."""
+    """Integrate the series times exp(-rate (begin + t)): (W,) for rates (W,)."""
     n = np.arange(cells.series.shape[1])
     total = np.zeros_like(eigenvalues_1_s)
     for half in np.unique(cells.halves_s):
         same = cells.halves_s == half
-        waves = (
-            2.0 * half * (-1j) ** n * cells.series[same] @ _bessel(n, -1j * half * eigenvalues_1_s)
-        )  # (cells, W)
+        weights = 2.0 * half * (-1j) ** n * cells.series[same]
+        waves = weights @ _bessel(n, -1j * half * eigenvalues_1_s)  # (cells, W)
         growth = np.abs(eigenvalues_1_s.real) * half
-        total += np.sum(
-            waves * np.exp(growth - np.outer(begin_s + cells.middles_s[same], eigenvalues_1_s)),
-            axis=0,
-        )
+        shifts = np.outer(begin_s + cells.middles_s[same], eigenvalues_1_s)
+        total += np.sum(waves * np.exp(growth - shifts), axis=0)
     return total
 
 
 def _bessel(n: NDArray[np.intp], z: ComplexArray) -> ComplexArray | FloatArray:
-    """Spherical Bessel functions j_n(z) exp(-|Im z|): (n, z)."""
+    """Compute the spherical Bessel functions j_n(z) exp(-|Im z|): (n, z)."""
     if not z.imag.any():
         return _bessel_real(n.size, z.real)
     from scipy.special import jve
 
     order = n[:, None]
-    side = np.where(z.real < 0.0, -1.0, 1.0)  # j_n(-z) = (-1)^n j_n(z) keeps off the branch cut
-    tiny = np.abs(z) < TINY
+    side = np.where(z.real < 0.0, -1.0, 1.0)  # j_n(-z) = (-1)^n j_n(z) avoids the branch cut
+    tiny = np.abs(z) < TINY_ARGUMENT
     safe = np.where(tiny, 1.0, side * z)
-    return np.asarray(
-        np.where(
-            tiny, order == 0, side**order * np.sqrt(np.pi / 2.0 / safe) * jve(order + 0.5, safe)
-        )
-    )
+    values = side**order * np.sqrt(np.pi / 2.0 / safe) * jve(order + 0.5, safe)
+    return np.asarray(np.where(tiny, order == 0, values))
 
 
 def _bessel_real(terms: int, z: FloatArray) -> FloatArray:
-    """j_0 .. j_(terms-1) of real z, each by the recurrence in the direction in which it is stable: (terms, z)."""
+    """Compute j_0 .. j_(terms-1) of real z: (terms, z).
+
+    Each by the recurrence in its stable direction: upwards for |z| >= terms.
+    """
     j = np.empty((terms, z.size))
     j[0] = np.sinc(z / np.pi)
-    fades = np.abs(z) < terms
-    up = np.where(fades, terms, z)
+    small = np.abs(z) < terms
+    up = np.where(small, terms, z)
     if terms > 1:
         j[1] = (np.sin(up) / up - np.cos(up)) / up
     for n in range(2, terms):
         j[n] = (2 * n - 1) / up * j[n - 1] - j[n - 2]
-    j[:, fades] = _bessel_fading(terms, z[fades])
+    j[:, small] = _bessel_small(terms, z[small])
     return j
 
 
-def _bessel_fading(terms: int, z: FloatArray) -> FloatArray:
-    """The same for |z| < terms: above n = |z| by the ratios j_n / j_(n-1), a continued fraction from far beyond."""
+def _bessel_small(terms: int, z: FloatArray) -> FloatArray:
+    """Compute j_0 .. j_(terms-1) for |z| < terms: (terms, z).
+
+    Upwards to n = |z|, above by the ratios j_n / j_(n-1) of a continued fraction that starts
+    EXTRA_ORDERS higher.
+    """
     ratio, ratios = np.zeros_like(z), np.empty((terms, z.size))
-    for n in range(terms + BEYOND, 0, -1):
+    for n in range(terms + EXTRA_ORDERS, 0, -1):
         ratio = z / (2 * n + 1 - z * ratio)
         if n < terms:
             ratios[n] = ratio

@@ -1,4 +1,4 @@
-"""Splines through several points of one axis: one table of those that need nothing but times and points.
+"""Splines through several points of one axis: one table, spline(times_s, points_m).
 
 Imports trajectories, planners/bounds.py and planners/errors.py.
 """
@@ -16,7 +16,8 @@ from planners.splines.four_three_four import four_three_four
 from planners.splines.n_point import n_point
 from planners.trajectories.trajectory import Trajectory
 
-# spline(times_s (N,), points_m (N,)) -> Trajectory from the first point on; at rest at both ends, but for the last three
+# spline(times_s (N,), points_m (N,)) -> Trajectory that starts at the first point;
+# at rest at both ends, except for the last three
 SPLINES: dict[str, Callable[[ArrayLike, ArrayLike], Trajectory]] = {
     "cubic": clamped,
     "four_three_four": four_three_four,

@@ -1,4 +1,4 @@
-"""Splines, constant speeds and dwells one after the other, with joints that fit."""
+"""Chain of splines, constant speeds and dwells, without steps at the joints."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from planners.splines.four_three_four import four_three_four
 from planners.splines.points import MIN_INTERVAL_REL, REST, End, via_points
 from planners.trajectories.cells import Polynomials
 from planners.trajectories.pieces import FloatArray
-from planners.trajectories.trajectory import JUMP, Trajectory
+from planners.trajectories.trajectory import JUMP_REL, Trajectory
 
-Through: TypeAlias = Callable[[FloatArray, FloatArray, End, End], Trajectory]
+SplineLaw: TypeAlias = Callable[[FloatArray, FloatArray, End, End], Trajectory]
 
-THROUGH: dict[str, Through] = {
+SPLINE_LAWS: dict[str, SplineLaw] = {
     "four_three_four": four_three_four,
     "b_spline_4": lambda t, q, start, end: b_spline(t, q, 4, start, end),
     "b_spline_5": lambda t, q, start, end: b_spline(t, q, 5, start, end),
@@ -29,7 +29,10 @@ THROUGH: dict[str, Through] = {
 
 @dataclass(frozen=True)
 class Straight:
-    """Constant speed between two points; a dwell where they are one. PlanError for a time or a place out of bounds."""
+    """Segment of constant speed between two points; a dwell when they are equal.
+
+    Raises PlanError for a time or a position out of bounds.
+    """
 
     from_m: float
     to_m: float
@@ -42,20 +45,21 @@ class Straight:
 
     @property
     def end(self) -> End:
-        """Speed and acceleration along it."""
+        """Speed and acceleration of the segment."""
         return End((self.to_m - self.from_m) / self.duration_s, 0.0)
 
     @property
     def points_m(self) -> tuple[float, float]:
-        """Where it begins and ends."""
+        """Start and end position."""
         return self.from_m, self.to_m
 
 
 @dataclass(frozen=True)
 class Spline:
-    """Through points with these durations between them.
+    """Spline segment through points with the given durations between them.
 
-    end is what it leaves behind when another spline follows (or nothing); beside a Straight, its neighbour decides.
+    end: speed and acceleration at its end, before another spline or at the end of the chain.
+    Next to a Straight, the neighbour determines them.
     """
 
     points_m: Sequence[float]
@@ -68,22 +72,22 @@ Segment: TypeAlias = Straight | Spline
 
 
 def dwell(at_m: float, duration_s: float) -> Straight:
-    """Standing still."""
+    """Build a segment at rest."""
     return Straight(at_m, at_m, duration_s)
 
 
 def chain(segments: Sequence[Segment], start: End = REST) -> Trajectory:
-    """The segments end to end (rules of source 003): a spline meets the speed of a straight neighbour without acceleration,
-    and begins with what the spline before it left; start is for a first spline.
+    """Join segments end to end (rules of source 003).
 
-    Speed and acceleration have no step at a joint, the durations are taken as they are. A motion that begins or ends with a
-    constant speed is not at rest there; Trajectory.continuous(1) tells. Raises PlanError for a step of position or speed
-    between segments, naming them, and for what a spline refuses.
+    A spline has the speed of a straight neighbour, without acceleration, and starts with the end
+    condition of the spline before it; start is for a first spline. Speed and acceleration have no
+    step at a joint; the durations stay unchanged. A motion that begins or ends with a constant
+    speed is not at rest there; see Trajectory.continuous(1).
+    Raises PlanError for a step of position or speed between segments, which the message names,
+    and for input that a spline refuses.
     """
     if not segments:
-        raise PlanError(
-            "a chain of 0 segments; must be >= 1: use Trajectory.hold for standing still"
-        )
+        raise PlanError("a chain of 0 segments; must be >= 1: use Trajectory.hold for rest")
     for k, (one, other) in enumerate(pairwise(segments)):
         _check_joint(k, one, other)
     parts = []
@@ -92,22 +96,22 @@ def chain(segments: Sequence[Segment], start: End = REST) -> Trajectory:
             line = np.array([[segment.from_m, segment.end.speed_m_s]])
             parts.append(Trajectory(Polynomials(np.array([segment.duration_s]), line)))
             continue
-        after = segments[k + 1] if k + 1 < len(segments) else segment
         begin = segments[k - 1].end if k else start
-        parts.append(
-            _through(k, segment, begin, after.end if isinstance(after, Straight) else segment.end)
-        )
+        next_segment = segments[k + 1] if k + 1 < len(segments) else segment
+        end = next_segment.end if isinstance(next_segment, Straight) else segment.end
+        parts.append(_spline_trajectory(k, segment, begin, end))
     return Trajectory(tuple(piece for part in parts for piece in part.pieces))
 
 
-def _through(k: int, segment: Spline, start: End, end: End) -> Trajectory:
-    if segment.law not in THROUGH:
-        raise unknown_name(f"law of segment {k}", segment.law, THROUGH)
+def _spline_trajectory(k: int, segment: Spline, start: End, end: End) -> Trajectory:
+    if segment.law not in SPLINE_LAWS:
+        raise unknown_name(f"law of segment {k}", segment.law, SPLINE_LAWS)
     durations = np.asarray(segment.durations_s, dtype=np.float64)
     points = np.asarray(segment.points_m, dtype=np.float64)
     if durations.size != points.size - 1:
         raise PlanError(
-            f"segment {k} has {points.size} points and {durations.size} durations; must be {points.size - 1}: one an interval"
+            f"segment {k} has {points.size} points and {durations.size} durations; "
+            f"must be {points.size - 1}: give one per interval"
         )
     for i, h in enumerate(durations.tolist()):
         check_range(
@@ -115,22 +119,24 @@ def _through(k: int, segment: Spline, start: End, end: End) -> Trajectory:
             h,
             MIN_INTERVAL_REL * bounds.SHORTEST_S,
             bounds.LONGEST_S,
-            "give it time",
+            "give the interval a time in seconds",
         )
     via = via_points(f"segment {k}", np.concatenate([[0.0], np.cumsum(durations)]), points, 2)
-    return THROUGH[segment.law](via.times_s, via.points_m, start, end)
+    return SPLINE_LAWS[segment.law](via.times_s, via.points_m, start, end)
 
 
 def _check_joint(k: int, one: Segment, other: Segment) -> None:
+    """Raise PlanError for a step of position or speed between segments k and k + 1."""
     here, there = one.points_m[-1], other.points_m[0]
-    if abs(here - there) > JUMP * max(1.0, abs(here)):
+    if abs(here - there) > JUMP_REL * max(1.0, abs(here)):
         raise PlanError(
-            f"segment {k} ends at {here} m, segment {k + 1} begins at {there} m; must meet: mend one of the points"
+            f"segment {k} ends at {here} m, segment {k + 1} begins at {there} m; must meet: "
+            "correct one of the points"
         )
     if isinstance(one, Straight) and isinstance(other, Straight):
         before, after = one.end.speed_m_s, other.end.speed_m_s
-        if abs(after - before) > JUMP * max(abs(before), abs(after)):
+        if abs(after - before) > JUMP_REL * max(abs(before), abs(after)):
             raise PlanError(
-                f"speed steps from {before:.6g} m/s in segment {k} to {after:.6g} m/s in segment {k + 1}; must be equal: "
-                "put a spline between them"
+                f"speed steps from {before:.6g} m/s in segment {k} to {after:.6g} m/s "
+                f"in segment {k + 1}; must be equal: insert a spline between them"
             )

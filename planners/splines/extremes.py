@@ -1,4 +1,4 @@
-"""Exact extremes of many short polynomials at once, for searches that ask for them thousands of times."""
+"""Exact extremes of many short polynomials at once, for searches with thousands of calls."""
 
 from __future__ import annotations
 
@@ -8,60 +8,69 @@ import numpy as np
 
 from planners.trajectories.pieces import FloatArray
 
-HALVINGS = 54  # of 0..1: to the last bit
+BISECTIONS = 54  # of 0..1: to the last bit
 
 
 class Extremes(NamedTuple):
-    """Lowest and highest value of each piece: (...) both."""
+    """Lowest and highest value of each piece, (...) both."""
 
     low: FloatArray
     high: FloatArray
 
 
 def extremes(durations_s: FloatArray, coefficients: FloatArray, order: int) -> Extremes:
-    """Of a derivative of pieces with durations (...) and ascending coefficients (..., powers)."""
+    """Compute the extremes of a derivative of many pieces.
+
+    Durations (...), ascending coefficients (..., powers).
+    """
     powers = np.arange(coefficients.shape[-1])
     c = coefficients * durations_s[..., None] ** (powers - order)  # on 0..1
     for _ in range(order):
-        c = _slope(c)
+        c = _derivative(c)
     ends = np.broadcast_to([0.0, 1.0], (*c.shape[:-1], 2))
-    values = _value(c, np.concatenate([ends, _roots(_slope(c))], axis=-1))
+    values = _value(c, np.concatenate([ends, _roots(_derivative(c))], axis=-1))
     return Extremes(values.min(axis=-1), values.max(axis=-1))
 
 
 def _roots(c: FloatArray) -> FloatArray:
-    """Where polynomials (..., powers) change sign on 0..1, ascending; in place of one outside stands an end or a turn.
+    """Find the sign changes of polynomials (..., powers) on 0..1, ascending: (..., degree).
 
-    Each derivative's roots part the interval where the one before is monotone; degree 2 is met in closed form.
+    Roots of the derivative split 0..1 into monotone intervals; degree 2 is solved in closed form.
+    An interval without a root gives one of its ends.
     """
     degree = c.shape[-1] - 1
     if degree <= 0:
         return np.zeros((*c.shape[:-1], 0))
     if degree <= 2:
         return _quadratic(c)
-    turns = _roots(_slope(c))
-    low = np.concatenate([np.zeros_like(turns[..., :1]), turns], axis=-1)
-    high = np.concatenate([turns, np.ones_like(turns[..., :1])], axis=-1)
-    rises = _value(c, high) > _value(c, low)
-    for _ in range(HALVINGS):
+    stationary = _roots(_derivative(c))
+    low = np.concatenate([np.zeros_like(stationary[..., :1]), stationary], axis=-1)
+    high = np.concatenate([stationary, np.ones_like(stationary[..., :1])], axis=-1)
+    rising = _value(c, high) > _value(c, low)
+    for _ in range(BISECTIONS):
         middle = (low + high) / 2.0
-        beyond = (_value(c, middle) > 0.0) == rises
-        low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
+        in_lower_half = (_value(c, middle) > 0.0) == rising
+        low = np.where(in_lower_half, low, middle)
+        high = np.where(in_lower_half, middle, high)
     roots: FloatArray = (low + high) / 2.0
     return roots
 
 
 def _quadratic(c: FloatArray) -> FloatArray:
-    """Roots of degree 1 or 2, clipped to 0..1 and ascending; complex ones give places that cost a look, no more."""
+    """Solve degree 1 or 2, roots clipped to 0..1 and ascending.
+
+    Complex roots give places without a sign change, which do no harm among candidates.
+    """
     c0, c1 = c[..., 0], c[..., 1]
     c2 = c[..., 2] if c.shape[-1] == 3 else np.zeros_like(c0)
-    far = -(c1 + np.copysign(np.sqrt(np.maximum(c1**2 - 4.0 * c2 * c0, 0.0)), c1)) / 2.0
+    discriminant = np.maximum(c1**2 - 4.0 * c2 * c0, 0.0)
+    far = -(c1 + np.copysign(np.sqrt(discriminant), c1)) / 2.0  # without cancellation
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         roots = np.stack([far / c2, c0 / far], axis=-1)
     return np.sort(np.clip(np.nan_to_num(roots, nan=0.0), 0.0, 1.0), axis=-1)
 
 
-def _slope(c: FloatArray) -> FloatArray:
+def _derivative(c: FloatArray) -> FloatArray:
     return c[..., 1:] * np.arange(1.0, c.shape[-1])
 
 

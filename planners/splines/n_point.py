@@ -1,4 +1,4 @@
-"""The polynomial through n points, and why it must not be computed from powers of time."""
+"""Polynomial through n points, and the condition numbers of its matrices."""
 
 from __future__ import annotations
 
@@ -13,25 +13,27 @@ from planners.trajectories.pieces import FloatArray, Smooth
 from planners.trajectories.trajectory import Trajectory
 
 MIN_POINTS = 2
-MISS = 1e-9  # of the largest point
-MOST_ORDERS = 24  # beyond, derivatives of the shortest motions are no numbers
-MAX_DERIVATIVE_ORDER = 6  # derivatives that are declared, though those of a short polynomial are 0
+POINT_ERROR_REL = 1e-9  # of the largest point
+MIN_DERIVATIVE_ORDER = 6  # declared at least, though those of a short polynomial are 0
+MAX_DERIVATIVE_ORDER = 24  # beyond, derivatives of the shortest motions overflow
 
 
 class Conditioning(NamedTuple):
-    """How many times the matrix of n equidistant points amplifies rounding (2-norm condition number)."""
+    """2-norm condition numbers of the interpolation matrices for n equidistant points."""
 
     points: int
     powers: float  # Vandermonde matrix on 0..1
     centred: float  # Vandermonde matrix on -1..1
-    chebyshev: float  # Chebyshev polynomials on -1..1: what n_point uses
+    chebyshev: float  # Chebyshev polynomials on -1..1, used by n_point
 
 
 def n_point(times_s: ArrayLike, points_m: ArrayLike) -> Trajectory:
-    """The polynomial of degree N - 1 through points (N,) at times (N,), in Chebyshev polynomials of centred, scaled time.
+    """Compute the polynomial of degree N - 1 through points (N,) at times (N,).
 
-    Between many equidistant points it swings out, and from about 30 on by more than arithmetic can resolve at the points.
-    Raises PlanError for bad points, NotConverged when a point is missed by more than MISS.
+    It is a Chebyshev series of the centred, scaled time, as powers of time amplify rounding. It
+    oscillates between many equidistant points; from about 30 on the rounding of these
+    oscillations exceeds the error bound at the points.
+    Raises PlanError for bad points, NotConverged for an error at a point above POINT_ERROR_REL.
     """
     from numpy.polynomial import chebyshev
 
@@ -39,29 +41,30 @@ def n_point(times_s: ArrayLike, points_m: ArrayLike) -> Trajectory:
     duration = float(via.times_s[-1] - via.times_s[0])
     x = 2.0 * (via.times_s - via.times_s[0]) / duration - 1.0
     series = np.linalg.solve(chebyshev.chebvander(x, x.size - 1), via.points_m)
-    missed, size = (
-        float(np.abs(chebyshev.chebval(x, series) - via.points_m).max()),
-        float(np.abs(via.points_m).max()),
-    )
-    if not missed <= MISS * size:
+    error = float(np.abs(chebyshev.chebval(x, series) - via.points_m).max())
+    bound = POINT_ERROR_REL * float(np.abs(via.points_m).max())
+    if not error <= bound:
         raise NotConverged(
-            f"the polynomial through {x.size} points misses one by {missed:.3g} m; must be <= {MISS * size:.3g}: take a spline"
+            f"the polynomial through {x.size} points has an error of {error:.3g} m at one of them; "
+            f"must be <= {bound:.3g}: use a spline"
         )
-    orders = range(min(max(MAX_DERIVATIVE_ORDER, x.size), MOST_ORDERS) + 1)
-    slopes = [chebyshev.chebder(series, order) * (2.0 / duration) ** order for order in orders]
+    orders = range(min(max(MIN_DERIVATIVE_ORDER, x.size), MAX_DERIVATIVE_ORDER) + 1)
+    derivatives = [chebyshev.chebder(series, order) * (2.0 / duration) ** order for order in orders]
 
     def value(t: FloatArray, order: int) -> FloatArray:
-        return np.asarray(
-            chebyshev.chebval(2.0 * t / duration - 1.0, slopes[order]), dtype=np.float64
-        )
+        scaled = 2.0 * t / duration - 1.0
+        return np.asarray(chebyshev.chebval(scaled, derivatives[order]), dtype=np.float64)
 
-    return Trajectory((Smooth(duration, value, len(slopes) - 1),))
+    return Trajectory((Smooth(duration, value, len(derivatives) - 1),))
 
 
 def conditioning(points: int) -> Conditioning:
-    """The row of n equidistant points (source 000, Vandermonde table: the column of powers). PlanError below 2."""
+    """Compute the condition numbers for n equidistant points.
+
+    Source 000, Vandermonde table: the column of powers. Raises PlanError below 2 points.
+    """
     if points < MIN_POINTS:
-        raise PlanError(f"points = {points} of a polynomial; must be >= {MIN_POINTS}: ask for more")
+        raise PlanError(f"points = {points} of a polynomial; must be >= {MIN_POINTS}: give more")
     from numpy.polynomial import chebyshev
 
     x = np.linspace(-1.0, 1.0, points)

@@ -1,7 +1,8 @@
-"""Local search for the quickest shape of a motion from rest to rest: how its time is shared among its intervals.
+"""Local search for the allocation of time to intervals that minimises the total time.
 
-Slowing such a motion by a factor scales its speed, acceleration and jerk by powers of it, so a shape of any length needs
-exactly max(v/vmax, sqrt(a/amax), cbrt(j/jmax)) times its own duration: N points leave N - 2 ratios to be found.
+The motion runs from rest to rest. Stretching it by a factor scales its speed, acceleration and
+jerk by powers of the factor, so that any allocation needs exactly
+max(v/vmax, sqrt(a/amax), cbrt(j/jmax)) times its own duration: N points leave N - 2 ratios.
 """
 
 from __future__ import annotations
@@ -14,46 +15,53 @@ import numpy as np
 from planners.splines.extremes import extremes
 from planners.trajectories.pieces import FloatArray
 
-# durations (..., K), points (K + 1,) -> durations (..., P) and coefficients (..., P, powers) of the pieces
+# durations (..., K), points (K + 1,)
+# -> durations (..., P) and coefficients (..., P, powers) of the pieces
 Shape: TypeAlias = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 
-STEP = 1e-5  # of a logarithm, for central differences
-RATIO = 8.0  # the logarithm of a duration moves less: 3000 times
+LOG_STEP = 1e-5  # of ln(duration), for central differences
+LOG_RANGE = 8.0  # largest change of ln(duration), a factor of 3000
 
 
 class ShapeSearch:
-    """Durations (..., K) of one law through points (K + 1, axes) under bounds by order of derivative."""
+    """Search over durations (..., K) of one law through points (K + 1, axes).
+
+    bounds: order of derivative -> largest absolute value.
+    """
 
     def __init__(self, shape: Shape, points: FloatArray, bounds: dict[int, float]) -> None:
-        self.shape, self.points, self.bounds = shape, points, bounds
+        self.shape = shape
+        self.points = points
+        self.bounds = bounds
 
-    def loads(self, h: FloatArray) -> FloatArray:
-        """Lowest (negated) and highest value of each piece as shares of the bounds: (bounds, axes, 2, ..., pieces)."""
+    def bound_shares(self, h: FloatArray) -> FloatArray:
+        """Compute both extremes of each piece as shares of the bounds, the lowest negated.
+
+        Shape (bounds, axes, 2, ..., pieces).
+        """
         tables = [self.shape(h, q) for q in self.points.T]
-        ranges = [[extremes(*table, order) for table in tables] for order in self.bounds]
-        signed = np.array([[(-low, high) for low, high in row] for row in ranges])
-        loads: FloatArray = signed / np.array(list(self.bounds.values())).reshape(
-            -1, *[1] * (signed.ndim - 1)
-        )
-        return loads
+        signed = np.array([_signed_extremes(tables, order) for order in self.bounds])
+        divisors = np.array(list(self.bounds.values())).reshape(-1, *[1] * (signed.ndim - 1))
+        shares: FloatArray = signed / divisors
+        return shares
 
     def scaled(self, h: FloatArray) -> FloatArray:
-        """The same shapes, as fast as the bounds allow: (..., K)."""
-        peaks = self.loads(h).max(axis=-1).max(axis=(1, 2))  # (bounds, ...)
-        slower = np.max(
-            [peak ** (1.0 / order) for order, peak in zip(self.bounds, peaks, strict=True)], axis=0
-        )
-        scaled: FloatArray = h * slower[..., None]
+        """Stretch each allocation to the shortest time within the bounds: (..., K)."""
+        peaks = self.bound_shares(h).max(axis=-1).max(axis=(1, 2))  # (bounds, ...)
+        factors = [peak ** (1.0 / order) for order, peak in zip(self.bounds, peaks, strict=True)]
+        scaled: FloatArray = h * np.max(factors, axis=0)[..., None]
         return scaled
 
     def reached(self, h: FloatArray) -> dict[int, float]:
-        """The largest share of each bound."""
-        return {
-            order: float(load.max()) for order, load in zip(self.bounds, self.loads(h), strict=True)
-        }
+        """Compute the largest share of each bound."""
+        shares = self.bound_shares(h)
+        return {order: float(s.max()) for order, s in zip(self.bounds, shares, strict=True)}
 
-    def polish(self, h: FloatArray) -> FloatArray:
-        """The nearest local minimum: sequential quadratic programming in the logarithms, then exact scaling."""
+    def refine(self, h: FloatArray) -> FloatArray:
+        """Find the nearest local minimum.
+
+        Sequential quadratic programming in the logarithms of the durations, then exact scaling.
+        """
         from scipy.optimize import minimize
 
         h = self.scaled(h)
@@ -65,9 +73,9 @@ class ShapeSearch:
         def slope(x: FloatArray) -> FloatArray:
             return np.asarray(np.exp(x)) / whole
 
-        margins: Any = {"type": "ineq", "fun": self._margins, "jac": self._slopes}
+        margins: Any = {"type": "ineq", "fun": self._margins, "jac": self._margin_slopes}
         options: Any = {"ftol": 1e-12, "maxiter": 200}
-        bounds = [(x - RATIO, x + RATIO) for x in start.tolist()]
+        bounds = [(x - LOG_RANGE, x + LOG_RANGE) for x in start.tolist()]
         found = minimize(
             total,
             start,
@@ -81,12 +89,22 @@ class ShapeSearch:
         return better if better.sum() < whole else h
 
     def _margins(self, x: FloatArray) -> FloatArray:
-        margins: FloatArray = 1.0 - self.loads(np.exp(x)).ravel()
+        """Compute 1 - share of the bound for every extreme."""
+        margins: FloatArray = 1.0 - self.bound_shares(np.exp(x)).ravel()
         return margins
 
-    def _slopes(self, x: FloatArray) -> FloatArray:
-        offsets = STEP * np.eye(x.size)
-        around = np.moveaxis(self.loads(np.exp(x + np.concatenate([offsets, -offsets]))), -2, 0)
-        rows = around.reshape(2 * x.size, -1)
-        slopes: FloatArray = (rows[x.size :] - rows[: x.size]).T / (2.0 * STEP)
+    def _margin_slopes(self, x: FloatArray) -> FloatArray:
+        """Compute the derivatives of the margins by central differences: (margins, K)."""
+        offsets = LOG_STEP * np.eye(x.size)
+        shares = self.bound_shares(np.exp(x + np.concatenate([offsets, -offsets])))
+        rows = np.moveaxis(shares, -2, 0).reshape(2 * x.size, -1)
+        slopes: FloatArray = (rows[x.size :] - rows[: x.size]).T / (2.0 * LOG_STEP)
         return slopes
+
+
+def _signed_extremes(
+    tables: list[tuple[FloatArray, FloatArray]], order: int
+) -> list[tuple[FloatArray, FloatArray]]:
+    """Compute (-lowest, highest) value of a derivative for each axis."""
+    ranges = [extremes(durations_s, rows, order) for durations_s, rows in tables]
+    return [(-low, high) for low, high in ranges]

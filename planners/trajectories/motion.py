@@ -1,4 +1,4 @@
-"""Three axes over time: x right, y depth, z up."""
+"""Motion in three axes over time: x right, y depth, z up."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ AXES = ("x", "y", "z")
 
 @dataclass(frozen=True)
 class Motion:
-    """One trajectory an axis [m]; an axis that ends early stands still until the others are done."""
+    """Motion with one trajectory per axis [m]; an axis that ends early holds its position."""
 
     x: Trajectory
     y: Trajectory
@@ -29,7 +29,10 @@ class Motion:
         trajectory: Trajectory,
         others_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> Motion:
-        """A move of one axis; the two others hold their entry of others_m. Raises PlanError for an unknown axis."""
+        """Build a motion of one axis; the two others hold their entry of others_m.
+
+        Raises PlanError for an unknown axis.
+        """
         if axis not in AXES:
             raise unknown_name("axis", axis, AXES)
         held = {
@@ -40,18 +43,23 @@ class Motion:
 
     @property
     def duration_s(self) -> float:
-        """Time until the last axis stands still."""
-        return max(axis.duration_s for axis in (self.x, self.y, self.z))
+        """Duration of the longest axis [s]."""
+        return max(axis.duration_s for axis in _axes(self))
 
     def at(self, t_s: ArrayLike, order: int = 0) -> FloatArray:
-        """Derivative of that order at times of any shape: t_s.shape + (3,), so (3,) for a number."""
-        return np.stack([axis.at(t_s, order) for axis in (self.x, self.y, self.z)], axis=-1)
+        """Compute the derivative of that order at times of any shape: t_s.shape + (3,)."""
+        return np.stack([axis.at(t_s, order) for axis in _axes(self)], axis=-1)
 
     def then(self, other: Motion) -> Motion:
-        """This motion, and when all its axes stand still the other. Raises PlanError when a position would jump."""
-        end = self.duration_s
+        """Append the other motion after the end of all axes of this one.
+
+        Raises PlanError for a step in position.
+        """
+        end_s = self.duration_s
         return Motion(
-            *(_until(a, end).then(b) for a, b in zip(_axes(self), _axes(other), strict=True))
+            _extended(self.x, end_s).then(other.x),
+            _extended(self.y, end_s).then(other.y),
+            _extended(self.z, end_s).then(other.z),
         )
 
 
@@ -59,7 +67,8 @@ def _axes(motion: Motion) -> tuple[Trajectory, Trajectory, Trajectory]:
     return motion.x, motion.y, motion.z
 
 
-def _until(axis: Trajectory, end_s: float) -> Trajectory:
+def _extended(axis: Trajectory, end_s: float) -> Trajectory:
+    """Hold the last position until end_s."""
     if axis.duration_s >= end_s:
         return axis
     return axis.then(Trajectory.hold(float(axis.at(axis.duration_s)), end_s - axis.duration_s))

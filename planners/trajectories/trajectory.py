@@ -1,4 +1,4 @@
-"""One axis over time: pieces end to end, with exact extremes and mean squares."""
+"""Trajectory of one axis: pieces end to end, with exact extremes and mean squares."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from planners.errors import PlanError
 from planners.trajectories.cells import Polynomials, resolve
 from planners.trajectories.pieces import FloatArray, Piece, add, polynomial
 
-MANY = 16  # plain polynomials: so many pieces are worth a table
-BLOCK = 8192  # instants of a piece looked at together: a million stay in the cache, a third faster
-END = 1e-12  # share of the duration by which an instant may miss the end and still be it: sums of durations round
-JUMP = 1e-9  # a step below this share of the largest value is rounding
+MIN_TABLE_PIECES = 16  # fewer plain polynomials are evaluated piece by piece
+BLOCK_INSTANTS = 8192  # evaluated together, to stay in the cache: a third faster for a million
+END_ROUNDING_REL = 1e-12  # of the duration; later by less is the end: sums of durations round
+JUMP_REL = 1e-9  # of the largest value; a smaller step is rounding
 
 
 class Peak(NamedTuple):
-    """Largest absolute value of a derivative, and the first instant it is met."""
+    """Largest absolute value of a derivative, and the first instant it is reached."""
 
     value: float
     t_s: float
@@ -43,50 +43,52 @@ class _Summary(NamedTuple):
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Position of one axis [m] over time [s]; before the start and after the end it stands still.
+    """Position of one axis [m] over time [s], at rest before the start and after the end.
 
-    A derivative at a joint is the one of the piece that begins there; at duration_s it is the last piece's.
-    Raises PlanError without pieces, or with a piece whose duration is not finite and > 0.
+    A derivative at a joint is that of the piece that begins there; at duration_s that of the
+    last piece. Raises PlanError without pieces, or with a piece whose duration is not finite
+    and > 0.
     """
 
     pieces: Sequence[Piece]
 
     def __post_init__(self) -> None:
         if not self.pieces:
-            raise PlanError(
-                "a trajectory of 0 pieces; must be >= 1: use Trajectory.hold for standing still"
-            )
+            raise PlanError("a trajectory of 0 pieces; must be >= 1: use Trajectory.hold for rest")
         durations = self._durations_s
         for k in np.flatnonzero(~((durations > 0.0) & (durations < math.inf)))[:1]:
             raise PlanError(
-                f"duration_s = {durations[k]} of piece {k}; must be finite and > 0: leave the piece out"
+                f"duration_s = {durations[k]} of piece {k}; must be finite and > 0: "
+                "leave the piece out"
             )
 
     @classmethod
     def hold(cls, position_m: float, duration_s: float) -> Trajectory:
-        """Standing still at position_m."""
+        """Build a trajectory at rest at position_m."""
         return cls((polynomial(duration_s, (position_m,)),))
 
     @cached_property
     def breaks_s(self) -> FloatArray:
-        """Start of every piece and the end: (pieces + 1,), from 0."""
+        """Start times of the pieces and the end: (pieces + 1,), from 0."""
         return np.concatenate([[0.0], np.cumsum(self._durations_s)])
 
     @property
     def duration_s(self) -> float:
-        """Time from start to end."""
+        """Time from start to end [s]."""
         return float(self.breaks_s[-1])
 
     def at(self, t_s: ArrayLike, order: int = 0) -> FloatArray:
-        """Derivative of that order at times of any shape; the result has that shape, () for a number.
+        """Compute the derivative of that order at times of any shape, in that shape.
 
-        Raises PlanError for a time that is not a number or a derivative that a smooth piece does not declare.
+        Raises PlanError for a time that is not a number or a derivative that a smooth piece does
+        not declare.
         """
         t = np.asarray(t_s, dtype=np.float64)
         flat = t.ravel()
         if np.isnan(flat).any():
             raise PlanError(
-                "t_s holds nan; every time must be a number: mend the clock or the table it came from"
+                "t_s holds nan; every time must be a number: "
+                "correct the clock or the table it comes from"
             )
         if flat.size > 1 and np.any(flat[1:] < flat[:-1]):
             rank = np.argsort(flat, kind="stable")
@@ -97,36 +99,37 @@ class Trajectory:
         return values.reshape(t.shape)
 
     def peak(self, order: int = 0) -> Peak:
-        """Exact largest absolute value over the move (both sides of every joint), to rounding."""
+        """Compute the largest absolute value, both sides of every joint; exact to rounding."""
         return self._summary(order).peak
 
     def extent(self, order: int = 0) -> Extent:
-        """Exact lowest and highest value over the move, to rounding."""
+        """Compute the lowest and highest value; exact to rounding."""
         return self._summary(order).extent
 
     def rms(self, order: int = 0) -> float:
-        """Exact root of the mean square over [0, duration_s], to rounding."""
+        """Compute the root mean square over [0, duration_s]; exact to rounding."""
         return math.sqrt(self._summary(order).square_integral / self.duration_s)
 
     def continuous(self, order: int) -> bool:
-        """Whether derivatives 0..order have no step at any joint, nor against rest at both ends."""
-        return all(self._joined(k) for k in range(order + 1))
+        """Test that derivatives 0..order have no step at a joint or against rest at an end."""
+        return all(self._has_no_step(k) for k in range(order + 1))
 
     def then(self, other: Trajectory) -> Trajectory:
-        """This one, and at its end the other. Raises PlanError when the position would jump."""
+        """Append the other trajectory. Raises PlanError for a step in position."""
         end, start = self._ends(0)[1][-1], other._ends(0)[0][0]
-        if abs(start - end) > JUMP * max(1.0, abs(end)):
+        if abs(start - end) > JUMP_REL * max(1.0, abs(end)):
             raise PlanError(
-                f"position jumps from {end} m to {start} m; must meet within {JUMP:g} m: shift the second part"
+                f"position steps from {end} m to {start} m; must meet within {JUMP_REL:g} m: "
+                "shift the second part"
             )
         return Trajectory((*self.pieces, *other.pieces))
 
     def scaled(self, factor: float) -> Trajectory:
-        """factor times the position."""
+        """Multiply the position by factor."""
         return Trajectory(tuple(piece.scaled(factor) for piece in self.pieces))
 
     def shifted(self, offset_m: float) -> Trajectory:
-        """The same move from another place."""
+        """Shift the position by offset_m."""
         return Trajectory(
             tuple(add(piece, polynomial(piece.duration_s, (offset_m,))) for piece in self.pieces)
         )
@@ -135,25 +138,28 @@ class Trajectory:
         first, last = self.pieces[0], self.pieces[-1]
         cuts = np.searchsorted(t, self.breaks_s)  # (pieces + 1,)
         end = float(self.breaks_s[-1])
-        cuts[-1] = np.searchsorted(t, end * (1.0 + END), side="right")
-        t = np.where((t > end) & (t <= end * (1.0 + END)), end, t)
+        last_instant = end * (1.0 + END_ROUNDING_REL)
+        cuts[-1] = np.searchsorted(t, last_instant, side="right")
+        t = np.where((t > end) & (t <= last_instant), end, t)
         values = np.zeros_like(t)
         if order == 0 and cuts[0] > 0:
             values[: cuts[0]] = first.at(np.zeros(()))
         if order == 0 and cuts[-1] < t.size:
             values[cuts[-1] :] = last.at(np.asarray(last.duration_s))
         if self._table is not None:
-            self._table.derivative(order).sweep(t, self.breaks_s, cuts, values)
+            self._table.derivative(order).evaluate_sorted(t, self.breaks_s, cuts, values)
             return values
         for k in np.flatnonzero(np.diff(cuts)).tolist():
-            for begin in range(cuts[k], cuts[k + 1], BLOCK):
-                here = slice(begin, min(begin + BLOCK, cuts[k + 1]))
+            for begin in range(cuts[k], cuts[k + 1], BLOCK_INSTANTS):
+                here = slice(begin, min(begin + BLOCK_INSTANTS, cuts[k + 1]))
                 values[here] = self.pieces[k].at(t[here] - self.breaks_s[k], order)
         return values
 
     @cached_property
     def _table(self) -> Polynomials | None:
-        return Polynomials.of(self.pieces) if len(self.pieces) >= MANY else None
+        return (
+            Polynomials.from_pieces(self.pieces) if len(self.pieces) >= MIN_TABLE_PIECES else None
+        )
 
     @property
     def _durations_s(self) -> FloatArray:
@@ -182,29 +188,23 @@ class Trajectory:
             square += cells.square_integral()
         t, v = np.concatenate(times), np.concatenate(values)
         k = int(np.argmax(np.abs(v)))
-        return _Summary(
-            Extent(float(v.min()), float(v.max())), Peak(float(abs(v[k])), float(t[k])), square
-        )
+        extent = Extent(float(v.min()), float(v.max()))
+        return _Summary(extent, Peak(float(abs(v[k])), float(t[k])), square)
 
     def _summarize_table(self, table: Polynomials) -> _Summary:
         cells, each = table.cells(), np.arange(len(self.pieces))
-        k, x = cells.turns()
-        k, t = (
-            np.concatenate([each, each, k]),
-            np.concatenate(
-                [0.0 * cells.halves_s, table.durations_s, cells.halves_s[k] * (1.0 + x)]
-            ),
-        )
+        inner, x = cells.stationary_points()
+        k = np.concatenate([each, each, inner])
+        inner_times = cells.halves_s[inner] * (1.0 + x)
+        t = np.concatenate([0.0 * cells.halves_s, table.durations_s, inner_times])
         v = table.at(k, t)
         t += self.breaks_s[k]
         first = np.lexsort((t, -np.abs(v)))[0]
-        return _Summary(
-            Extent(float(v.min()), float(v.max())),
-            Peak(float(abs(v[first])), float(t[first])),
-            cells.square_integral(),
-        )
+        extent = Extent(float(v.min()), float(v.max()))
+        peak = Peak(float(abs(v[first])), float(t[first]))
+        return _Summary(extent, peak, cells.square_integral())
 
-    def _joined(self, order: int) -> bool:
+    def _has_no_step(self, order: int) -> bool:
         starts, ends = self._ends(order)
         if order:
             starts, ends = np.append(starts, 0.0), np.insert(ends, 0, 0.0)
@@ -213,10 +213,10 @@ class Trajectory:
             ends = ends[:-1]
         span = self.extent(0).high - self.extent(0).low
         scale = max(self.peak(order).value, span / self.duration_s**order)
-        return bool(np.all(np.abs(starts - ends) <= JUMP * scale))
+        return bool(np.all(np.abs(starts - ends) <= JUMP_REL * scale))
 
     def _ends(self, order: int) -> tuple[FloatArray, FloatArray]:
-        """Value at the start and at the end of every piece: (pieces,) each."""
+        """Compute the values at the start and at the end of every piece: (pieces,) each."""
         if self._table is not None:
             table, each = self._table.derivative(order), np.arange(len(self.pieces))
             return table.coefficients[:, 0], table.at(each, table.durations_s)

@@ -18,7 +18,7 @@ from planners.errors import PlanError, check_range
 from planners.spectra.spectrum import speed_steps
 from planners.trajectories.driven import Term, real_part
 from planners.trajectories.pieces import FloatArray, ModalTerm, Piece, Smooth, add
-from planners.trajectories.trajectory import JUMP, Peak, Trajectory
+from planners.trajectories.trajectory import JUMP_REL, Peak, Trajectory
 
 LIMIT_EXCESS_REL = 1e-9  # share of a limit that a value may exceed it by: rounding
 
@@ -263,7 +263,7 @@ def _multiply(a: Piece, b: Piece) -> Piece:
 
 def _check_speed_steps(trajectory: Trajectory) -> None:
     steps = np.abs(speed_steps(trajectory)[1:-1])
-    if steps.size and steps.max() > JUMP * trajectory.peak(1).value:
+    if steps.size and steps.max() > JUMP_REL * trajectory.peak(1).value:
         k = int(steps.argmax())
         raise PlanError(
             f"speed steps by {steps[k]:.6g} at {trajectory.breaks_s[k + 1]:.6g} s; must be 0 for a "

@@ -10,7 +10,7 @@ from planners.laws.catalogue import coefficients, minimum_time_s
 from planners.laws.rect_cascade import LIMITS, RectCascade
 from planners.models.pendulum import PendulumModel
 from planners.replay.wrong_parameters import residual_amplitudes
-from planners.spectra.swing_free import FIRST, MOST_CYCLES, swing_free_cycles
+from planners.spectra.swing_free import MAX_CYCLES, MIN_CYCLES, swing_free_cycles
 from planners.trajectories.trajectory import Trajectory
 
 # laws whose shares of time follow from this number of limits
@@ -107,8 +107,8 @@ def _fixed_shape(name: str, distance: float, limits: tuple[float, ...]) -> Traje
 def _swing_free_s(path: Trajectory, period_s: float) -> float:
     """Compute the least zero-residual duration of the law, not below the path's; nan if none."""
     cycles = path.duration_s / period_s
-    if cycles + SEARCH_PERIODS > MOST_CYCLES:
+    if cycles + SEARCH_PERIODS > MAX_CYCLES:
         return math.nan
-    found = swing_free_cycles(path, cycles + SEARCH_PERIODS, max(FIRST, cycles - FIRST))
+    found = swing_free_cycles(path, cycles + SEARCH_PERIODS, max(MIN_CYCLES, cycles - MIN_CYCLES))
     later = found[found >= cycles * (1.0 - REACHED_REL)]
     return float(later[0]) * period_s if later.size else math.nan

@@ -1,4 +1,4 @@
-"""Two-point laws against the sources' figures, right and wrong, scipy, ruckig and what no law can escape."""
+"""Motion laws against the published figures, scipy, ruckig and the bounds of any move."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from planners.laws.double_s import double_s, double_s_by_ramp, double_s_within
 from planners.laws.elliptic import elliptic
 from planners.laws.fourier import FREUDENSTEIN_1_3_5, fourier
 from planners.laws.harmonic import harmonic
-from planners.laws.polynomial import SMOOTHEST, between, quintic, rest_to_rest
+from planners.laws.polynomial import MAX_END_DERIVATIVES, between, quintic, rest_to_rest
 from planners.laws.rect_cascade import RectCascade, fifteen_segments
 from planners.laws.trapezoidal import (
     trapezoidal,
@@ -76,7 +76,7 @@ def test_peaks_and_rms_are_those_of_quadrature_and_dense_sampling(name):
 
 
 def square_integral(law, order):
-    """By adaptive quadrature, piece by piece."""
+    """Compute the integral of the square by adaptive quadrature, piece by piece."""
     return sum(
         quad(
             lambda t: float(piece.at(np.array(t), order)) ** 2,  # noqa: B023
@@ -123,7 +123,7 @@ def test_a_move_of_any_size_and_sign_is_a_scaled_law(name, distance_m):
 
 @every_law
 @pytest.mark.parametrize("duration_s", [0.0, -1.0, math.nan, math.inf, 1e-300, 1e100])
-def test_a_law_refuses_a_time_that_is_none(name, duration_s):
+def test_a_law_refuses_a_duration_out_of_bounds(name, duration_s):
     with pytest.raises(PlanError, match=r"duration_s = .* must be 1e-09 to 1e\+09"):
         LAWS[name](duration_s)
 
@@ -174,13 +174,13 @@ def test_at_the_minimum_time_one_limit_is_met_and_none_exceeded(name):
 @pytest.mark.parametrize(
     ("limits", "words"),
     [
-        ({}, "one at least must be finite"),
+        ({}, "at least one must be finite"),
         ({"speed_m_s": 0.0}, "speed_m_s = 0.0; must be 1e-09 to"),
         ({"acceleration_m_s2": math.nan}, "acceleration_m_s2 = nan"),
         ({"jerk_m_s3": 5.0}, "harmonic of class C1; it must be C2"),
     ],
 )
-def test_minimum_time_refuses_limits_that_bind_nothing(limits, words):
+def test_minimum_time_refuses_limits_that_do_not_bound_it(limits, words):
     with pytest.raises(PlanError, match=words):
         minimum_time_s("harmonic", 1.0, **limits)
 
@@ -205,9 +205,8 @@ def test_the_printed_basis_of_the_quintic_misses_the_start():
     for order in range(3):
         ends = [d["state_0"][order], d["state_1"][order]]
         np.testing.assert_allclose(move.at([0.0, d["duration_s"]], order), ends, atol=1e-14)
-    printed = np.polynomial.Polynomial(
-        move.pieces[0].coefficients
-    )  # in powers of (t - t1): at t0 it is p(-T)
+    # in powers of (t - t1): at t0 it is p(-T)
+    printed = np.polynomial.Polynomial(move.pieces[0].coefficients)
     assert abs(printed(-d["duration_s"]) - d["state_0"][0]) > 1.0
 
 
@@ -233,29 +232,28 @@ def test_a_polynomial_between_any_states_is_scipy_s(start, end, duration_s):
     assert len(move.pieces[0].coefficients) == len(start) + len(end)
 
 
-@pytest.mark.parametrize("n", range(1, SMOOTHEST + 1))
-def test_rest_to_rest_is_the_polynomial_between_two_rests_and_as_smooth_as_said(n):
+@pytest.mark.parametrize("n", range(1, MAX_END_DERIVATIVES + 1))
+def test_rest_to_rest_is_the_polynomial_between_two_states_of_rest_and_as_smooth_as_stated(n):
     law, other = rest_to_rest(n, 1.3), between([0.0] * (n + 1), [1.0] + [0.0] * n, 1.3)
     t = np.linspace(0.0, 1.3, 31)
     np.testing.assert_allclose(law.at(t), other.at(t), atol=1e-10)
     assert law.continuous(n)
     assert not law.continuous(n + 1)
-    norm = (
-        math.factorial(2 * n + 1) / math.factorial(n) ** 2
-    )  # mean square of x^n (1-x)^n: the beta function
+    # mean square of x^n (1-x)^n: the beta function
+    norm = math.factorial(2 * n + 1) / math.factorial(n) ** 2
     assert law.rms(1) * 1.3 == pytest.approx(
         norm * math.factorial(2 * n) / math.sqrt(math.factorial(4 * n + 1)), rel=1e-11
     )
 
 
-@pytest.mark.parametrize("n", [0, SMOOTHEST + 1])
-def test_rest_to_rest_refuses_what_rounding_would_spoil(n):
-    with pytest.raises(PlanError, match=f"n = {n} .* must be 1 to {SMOOTHEST}"):
+@pytest.mark.parametrize("n", [0, MAX_END_DERIVATIVES + 1])
+def test_rest_to_rest_refuses_a_degree_that_rounding_dominates(n):
+    with pytest.raises(PlanError, match=f"n = {n} .* must be 1 to {MAX_END_DERIVATIVES}"):
         rest_to_rest(n, 1.0)
 
 
 @pytest.mark.parametrize("state", [[], [math.nan], [0.0, math.inf]])
-def test_between_refuses_a_state_that_is_none(state):
+def test_between_refuses_an_empty_or_infinite_state(state):
     with pytest.raises(
         PlanError,
         match=r"end = .* must hold 1 to 8 numbers|end\[\d\] = .* must be -1e\+12 to 1e\+12",
@@ -291,7 +289,7 @@ def test_conditions_may_leave_gaps():
 
 
 def test_conditions_at_two_ends_are_the_two_point_polynomial():
-    t0 = 1e4  # far from the clock's zero
+    t0 = 1e4  # far from the origin of time
     ends = clash_of(
         [
             (t0, 0, 1.0),
@@ -314,7 +312,10 @@ def test_conditions_at_two_ends_are_the_two_point_polynomial():
             [(-1, 0, 0), (1, 0, 1), (0, 1, 0)],
             r"q\^\(0\)\(-1 s\), q\^\(0\)\(1 s\), q\^\(1\)\(0 s\) clash",
         ),
-        ([(0, 0, 0), (0, 0, 1), (1, 0, 1)], r"q\^\(0\)\(0 s\) is given more than once"),
+        (
+            [(0, 0, 0), (0, 0, 1), (1, 0, 1)],
+            r"q\^\(0\)\(0 s\) is given 2 times; must be given once",
+        ),
         ([(0, 0, 0), (1, 3, 0)], r"q\^\(3\)\(1 s\) among 2; its order must be 0 to 1"),
         ([(0, 1, 0), (1, 1, 0)], "0 conditions on derivatives 0 to 0 of 2; must be >= 1"),
         ([(0, 0, 0), (0, 1, 0)], "conditions at 1 times; must be >= 2"),
@@ -473,8 +474,8 @@ def test_at_the_least_acceleration_the_trapezoid_is_a_triangle():
         (lambda: RectCascade(1.0, (0.0, 0.0)), "times_s of sum 0"),
         (lambda: RectCascade(1.0, (1.0, -0.1)), r"times_s\[1\] = -0\.1"),
         (lambda: RectCascade.within(1.0, [1.0] * 5), "5 limits of a law; must be <= 4"),
-        (lambda: RectCascade.within(1.0, ()), "one at least must be finite"),
-        (lambda: RectCascade.within(1.0, (math.inf, math.inf)), "one at least must be finite"),
+        (lambda: RectCascade.within(1.0, ()), "at least one must be finite"),
+        (lambda: RectCascade.within(1.0, (math.inf, math.inf)), "at least one must be finite"),
         (lambda: double_s(1.0, beta=0.6), r"beta = 0\.6"),
         (
             lambda: double_s_by_ramp(1.0, 1.0, 0.4, 0.3),
@@ -484,7 +485,7 @@ def test_at_the_least_acceleration_the_trapezoid_is_a_triangle():
         (lambda: double_s_within(1.0, 1.0, 1.0, math.inf), "jerk_m_s3 = inf of a double S"),
     ],
 )
-def test_specifications_that_fit_no_move_are_refused_with_value_and_bound(make, words):
+def test_specifications_without_a_move_are_refused_with_value_and_bound(make, words):
     with pytest.raises(PlanError, match=words):
         make()
 
@@ -571,9 +572,8 @@ def test_a_limit_of_infinity_is_no_limit():
         == RectCascade.within(2.0, (1.0, 2.0)).times_s
     )
     free = RectCascade.within(2.0, (math.inf, math.inf, 3.0))
-    assert free.duration_s == pytest.approx(
-        4.0 * math.cbrt(2.0 / (2.0 * 3.0))
-    )  # case 2b: h = 2 j Tj^3
+    # case 2b: h = 2 j Tj^3
+    assert free.duration_s == pytest.approx(4.0 * math.cbrt(2.0 / (2.0 * 3.0)))
     assert RectCascade.within(8.0, (math.inf, math.inf, math.inf, 1.0)).times_s == pytest.approx(
         (4.0, 2.0, 1.0, 1.0)
     )
@@ -660,7 +660,8 @@ def test_a_double_s_meets_its_end_speeds_within_its_limits(h, v, a, j, ends):
         ({"start_speed_m_s": math.nan}, "start_speed_m_s = nan"),
         (
             {"start_speed_m_s": 1.0},
-            r"distance_m = 0\.1 for a change of speed from 1\.0 to 0\.0 m/s; its size must be >= 0\.75",
+            r"distance_m = 0\.1 for a change of speed from 1\.0 to 0\.0 m/s; "
+            r"its absolute value must be >= 0\.75",
         ),
     ],
 )
@@ -726,7 +727,7 @@ def ruckig_answer(ruckig, h, limits, ends):
         lambda: double_s(1.0, beta=1e-300),
     ],
 )
-def test_numbers_beyond_all_machines_are_refused_by_name(make):
+def test_numbers_out_of_bounds_are_refused_by_name(make):
     with pytest.raises(PlanError, match=r" = .*; must "):
         make()
 

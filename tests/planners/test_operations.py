@@ -46,18 +46,18 @@ MOTIONS = {
 }
 every_motion = pytest.mark.parametrize("motion", MOTIONS.values(), ids=MOTIONS)
 every_law = pytest.mark.parametrize("name", LAWS)
-POWER = Trajectory((polynomial(2.0, (0.0, 0.3, 0.1, 0.05)),))  # a clock
+POWER = Trajectory((polynomial(2.0, (0.0, 0.3, 0.1, 0.05)),))  # a time scaling
 
 
 def inside(motion, n=25):
-    """Times beside every joint."""
+    """Compute times that are not at a joint."""
     t = np.linspace(0.0, motion.duration_s, n)
     return t[np.abs(t[:, None] - motion.breaks_s).min(axis=1) > 1e-6]
 
 
 @every_motion
 @pytest.mark.parametrize("order", range(5))
-def test_the_three_reflections_are_what_they_say(motion, order):
+def test_the_three_reflections_have_the_stated_derivatives(motion, order):
     t, end = inside(motion), motion.duration_s
     back = reversed_in_time(motion)
     truth = (-1.0) ** order * motion.at(end - t, order)
@@ -70,7 +70,7 @@ def test_the_three_reflections_are_what_they_say(motion, order):
 
 
 @every_motion
-def test_turning_back_twice_is_the_motion_itself(motion):
+def test_two_reversals_give_the_motion_itself(motion):
     t = inside(motion)
     np.testing.assert_allclose(
         reversed_in_time(reversed_in_time(motion)).at(t), motion.at(t), atol=1e-12
@@ -86,7 +86,7 @@ def test_reflections_keep_peaks_and_mean_squares(motion):
 
 
 @every_law
-def test_a_law_turned_in_time_and_sign_is_itself_from_one_below(name):
+def test_a_law_reversed_in_time_and_sign_is_itself_shifted_by_one(name):
     law = LAWS[name](1.0)
     t = np.linspace(0.0, 1.0, 23)
     np.testing.assert_allclose(
@@ -163,7 +163,7 @@ def test_each_derivative_of_a_composition_is_the_slope_of_the_one_before(name, o
 
 
 @every_motion
-def test_a_composition_passes_the_same_places_at_the_clock_s_times(motion):
+def test_a_composition_has_the_positions_of_the_scaled_times(motion):
     sigma = POWER.scaled(motion.duration_s / float(POWER.at(2.0)))
     move, t = composed(motion, sigma), np.linspace(0.0, 2.0, 33)
     np.testing.assert_allclose(move.at(t), motion.at(sigma.at(t)), atol=1e-12)
@@ -177,7 +177,7 @@ def test_a_composition_passes_the_same_places_at_the_clock_s_times(motion):
 
 
 @every_motion
-def test_a_straight_clock_is_a_stretch(motion):
+def test_a_linear_time_scaling_is_a_stretch(motion):
     sigma = Trajectory((polynomial(2.0 * motion.duration_s, (0.0, 0.5)),))
     move, slow = composed(motion, sigma), stretched(motion, 2.0)
     for order in range(4):
@@ -185,7 +185,7 @@ def test_a_straight_clock_is_a_stretch(motion):
         assert move.peak(order).value == pytest.approx(slow.peak(order).value, rel=1e-9)
 
 
-def test_a_clock_of_several_pieces_that_rests_at_its_ends_makes_a_line_a_law():
+def test_a_time_scaling_at_rest_at_its_ends_turns_a_line_into_a_law():
     line = Trajectory((polynomial(1.0, (2.0, 3.0)),))
     sigma = LAWS["double_s"](2.5)
     move = composed(line, sigma)
@@ -208,7 +208,7 @@ def lag(t, order):
     return 2.0 * t if order == 0 else np.full_like(t, 2.0 if order == 1 else 0.0)
 
 
-CLOCKS = {
+BAD_TIME_SCALINGS = {
     "backwards": (
         between([0.0, -0.5], [1.0, 0.5], 1.0),
         "sigma is not increasing: lowest speed -0.5",
@@ -236,13 +236,13 @@ CLOCKS = {
 }
 
 
-@pytest.mark.parametrize(("sigma", "words"), CLOCKS.values(), ids=CLOCKS)
-def test_a_clock_that_is_not_one_is_refused(sigma, words):
+@pytest.mark.parametrize(("sigma", "words"), BAD_TIME_SCALINGS.values(), ids=BAD_TIME_SCALINGS)
+def test_an_invalid_time_scaling_is_refused(sigma, words):
     with pytest.raises(PlanError, match=words):
         composed(harmonic(1.0), sigma)
 
 
-def test_a_smooth_clock_s_own_derivatives_bound_those_of_the_composition():
+def test_a_composition_has_no_more_derivatives_than_its_smooth_time_scaling():
     move = composed(harmonic(1.0), Trajectory((Smooth(0.5, lag, 2),)))
     assert move.peak(2).value == pytest.approx(4.0 * math.pi**2 / 2)
     with pytest.raises(PlanError, match="derivative order 3 of a smooth piece; must be <= 2"):
@@ -265,7 +265,7 @@ def test_a_smooth_clock_s_own_derivatives_bound_those_of_the_composition():
             lambda: normalised(quintic(1.0).then(reversed_in_time(quintic(1.0)))),
             "must end elsewhere",
         ),
-        (lambda: within_limits(harmonic(1.0)), "one at least must be finite"),
+        (lambda: within_limits(harmonic(1.0)), "at least one must be finite"),
         (lambda: within_limits(harmonic(1.0), speed_m_s=-1.0), r"speed_m_s = -1\.0"),
         (lambda: within_limits(harmonic(1.0), jerk_m_s3=1.0), "a step in derivative 2"),
         (
@@ -276,19 +276,17 @@ def test_a_smooth_clock_s_own_derivatives_bound_those_of_the_composition():
         ),
     ],
 )
-def test_operations_refuse_what_they_cannot_do(act, words):
+def test_operations_refuse_bad_input_by_name(act, words):
     with pytest.raises(PlanError, match=words):
         act()
 
 
-def test_a_long_path_on_a_long_clock_has_the_derivatives_of_the_chain_rule():
-    path, clock = (
-        clamped(np.arange(50.0), np.random.default_rng(1).uniform(-1.0, 1.0, 50)),
-        quintic(75.0).scaled(49.0),
-    )
-    move, t = composed(path, clock), np.linspace(0.05, 74.95, 3001)
-    place, speed = clock.at(t), clock.at(t, 1)
-    bend = path.at(place, 2) * speed**2 + path.at(place, 1) * clock.at(t, 2)
+def test_a_long_path_with_a_long_time_scaling_has_the_derivatives_of_the_chain_rule():
+    path = clamped(np.arange(50.0), np.random.default_rng(1).uniform(-1.0, 1.0, 50))
+    sigma = quintic(75.0).scaled(49.0)
+    move, t = composed(path, sigma), np.linspace(0.05, 74.95, 3001)
+    place, speed = sigma.at(t), sigma.at(t, 1)
+    bend = path.at(place, 2) * speed**2 + path.at(place, 1) * sigma.at(t, 2)
     assert np.allclose(move.at(t, 1), path.at(place, 1) * speed, rtol=0.0, atol=1e-10)
     assert np.allclose(move.at(t, 2), bend, rtol=0.0, atol=1e-9)
     assert move.peak(1).value >= np.abs(move.at(t, 1)).max() - 1e-12

@@ -1,4 +1,4 @@
-"""Spectra, periodic motion, swing-free durations and elastic loads: tables, quadrature, scipy's ODE solver, properties."""
+"""Spectra, zero-residual-vibration durations and elastic loads against tables, quadrature, ODEs."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from planners.models.chain import ChainModel, Link
 from planners.models.pendulum import PendulumModel
 from planners.replay.metrics import swing_after
 from planners.spectra.law_spectra import SPECTRA, law_spectrum, polynomial_spectrum, rect_spectrum
-from planners.spectra.oscillator import MassChain, hanging, residual, response
+from planners.spectra.oscillator import MassChain, residual, response, suspended_load
 from planners.spectra.periodic import harmonics
 from planners.spectra.spectrum import spectrum, spectrum_by_cycles, transform
 from planners.spectra.swing_free import swing_free_cycles, swing_free_durations_s
-from planners.trajectories.driven import driven
+from planners.trajectories.driven import forced_response
 from planners.trajectories.pieces import ExpPolynomial, ModalTerm, Smooth, polynomial
 from planners.trajectories.trajectory import Trajectory
 
@@ -51,19 +51,22 @@ curves = st.builds(
 
 
 def smooth_twin(trajectory):
-    """The same motion, known by its values alone."""
+    """Build the same motion from smooth pieces."""
     return Trajectory(tuple(Smooth(p.duration_s, p.at, 4) for p in trajectory.pieces))
 
 
 def integral(function, end_s):
-    """By Gauss-Legendre, 32 nodes on each of 32 parts: exact to rounding for what turns less than 500 rad."""
+    """Integrate by Gauss-Legendre, 32 nodes on each of 32 parts.
+
+    Exact to rounding for a phase of less than 500 rad.
+    """
     x, w = np.polynomial.legendre.leggauss(32)
     t = end_s / 32 * (np.arange(32)[:, None] + (1 + x) / 2)
     return complex(np.sum(function(t) * w) * end_s / 64)
 
 
 def by_quadrature(trajectory, rate, origin_s=0.0):
-    """int a exp(-rate (t - origin)) piece by piece, and the impulses that the steps in speed are."""
+    """Compute int a exp(-rate (t - origin)) piece by piece, steps in speed as impulses."""
     total, speed = 0j, 0.0
     for begin, piece in zip(trajectory.breaks_s.tolist(), trajectory.pieces, strict=False):
         total += (float(piece.at(np.zeros(()), 1)) - speed) * np.exp(-rate * (begin - origin_s))
@@ -112,7 +115,7 @@ def test_the_printed_spectrum_of_the_cubic_lacks_a_phase():
     )
 
 
-def test_a_slow_load_sees_of_every_law_the_distance_alone():
+def test_the_spectrum_at_low_frequency_depends_on_the_distance_alone():
     for name in LAWS:
         assert law_spectrum(name, 1e-4, distance_m=-3.0, duration_s=2.0) == pytest.approx(
             2e-4 * 3.0 / 2.0, rel=1e-6
@@ -198,7 +201,7 @@ def test_the_transform_has_the_shape_of_the_rates_and_knows_conjugates():
     assert abs(x[0, 2]) < 1e-14
 
 
-def test_a_rate_that_is_no_number_or_outgrows_all_numbers_is_refused():
+def test_a_rate_that_is_not_finite_or_overflows_is_refused():
     law = LAWS["cubic"](1.0)
     with pytest.raises(PlanError, match=r"must be finite"):
         transform(law, [1j, math.nan])
@@ -250,7 +253,7 @@ def test_a_motion_that_goes_on_with_the_speed_it_began_with_has_no_impulse_at_it
 
 def test_a_period_shorter_than_the_motion_or_a_negative_count_is_refused():
     with pytest.raises(
-        PlanError, match=r"period_s = 0\.9 of a motion; must be finite and >= its 1\.0 s"
+        PlanError, match=r"period_s = 0\.9 of a motion; must be finite and >= its duration, 1\.0 s"
     ):
         harmonics(LAWS["cubic"](1.0), 3, period_s=0.9)
     with pytest.raises(PlanError, match="count = -1"):
@@ -264,7 +267,7 @@ def test_swing_free_durations_are_those_of_the_table():
         )
 
 
-def test_swing_free_durations_with_a_closed_form_are_met_to_1e_12():
+def test_swing_free_durations_in_closed_form_are_found_to_1e_12():
     np.testing.assert_allclose(
         swing_free_cycles(LAWS["harmonic"](1.0), 9.0), np.arange(1.5, 9.0), atol=1e-12
     )
@@ -285,9 +288,8 @@ def test_multiple_zeros_are_found_once_and_exactly():
     np.testing.assert_allclose(
         swing_free_cycles(LAWS["triangular"](1.0), 20.0), np.arange(2.0, 21.0, 2.0), atol=1e-12
     )
-    np.testing.assert_allclose(
-        swing_free_cycles(LAWS["double_s"](1.0), 6.0), [1.5, 3.0, 4.5, 6.0], atol=1e-12
-    )  # 6: triple
+    zeros = [1.5, 3.0, 4.5, 6.0]  # 6 is triple
+    np.testing.assert_allclose(swing_free_cycles(LAWS["double_s"](1.0), 6.0), zeros, atol=1e-12)
 
 
 @settings(max_examples=15)
@@ -312,16 +314,15 @@ def test_a_move_there_and_back_has_its_own_swing_free_durations():
 
 def test_a_motion_with_unlike_halves_is_swing_free_only_where_each_of_them_is():
     thirds = Trajectory((polynomial(0.3, (0, 0, 1.0)), polynomial(0.6, (0.09, 0.6, -0.5))))
-    np.testing.assert_allclose(
-        swing_free_cycles(thirds, 5.9), [3.0], atol=1e-12
-    )  # one period up, two down
+    # one period up, two down
+    np.testing.assert_allclose(swing_free_cycles(thirds, 5.9), [3.0], atol=1e-12)
     tenths = Trajectory((polynomial(0.3, (0, 0, 0.7)), polynomial(0.7, (0.063, 0.42, -0.3))))
     assert swing_free_cycles(tenths, 9.0).size == 0
 
 
 @settings(max_examples=15)
 @given(st.sampled_from(sorted(LAWS)), st.floats(0.2, 3.0))
-def test_a_pendulum_hangs_still_after_a_swing_free_duration(name, length_m):
+def test_a_pendulum_is_at_rest_after_a_swing_free_duration(name, length_m):
     model = PendulumModel(length_m=length_m)
     durations = swing_free_durations_s(LAWS[name](1.0), model.natural_frequency_rad_s, 8.0)
     assert durations.size
@@ -337,7 +338,7 @@ def test_bounds_of_the_search_for_swing_free_durations_are_named():
         swing_free_durations_s(LAWS["cubic"](1.0), -2.0, 5.0)
 
 
-def test_the_source_s_mass_answers_as_computed():
+def test_the_response_of_the_mass_of_the_source_has_the_computed_figures():
     for name, figures in DATA["mass"].items():
         (z,) = response(ONE, LAWS[name](30.0).scaled(15.0), after_s=2.0)
         after = Trajectory(z.pieces[-1:]).peak().value
@@ -356,12 +357,11 @@ def test_amplitudes_after_a_move_are_those_of_the_table():
             [float(residual(load, LAWS[n](t).scaled(15.0))[0]) for n in table["laws"]]
             for t in table["durations_s"]
         ]
-        np.testing.assert_allclose(
-            found, table[key], rtol=1e-5
-        )  # the table's own simulation is good to 6e-6
+        # the simulation of the table is accurate to 6e-6
+        np.testing.assert_allclose(found, table[key], rtol=1e-5)
 
 
-def test_an_undamped_load_keeps_pi_v_over_w():
+def test_the_residual_amplitude_of_an_undamped_load_is_pi_v_over_w():
     load = MassChain(masses_kg=(2.0,), stiffnesses_n_m=(50.0,)).modal
     for name in LAWS:
         law = LAWS[name](1.1)
@@ -371,7 +371,10 @@ def test_an_undamped_load_keeps_pi_v_over_w():
 
 
 def by_dop853(chain, trajectory, t_s):
-    """Places of the masses by scipy, restarted at every joint, where a step in speed kicks them: (n, times)."""
+    """Simulate the positions of the masses by scipy: (n, times).
+
+    The solver restarts at every joint, where a step in speed is an impulse on the masses.
+    """
     n, masses = len(chain.masses_kg), np.array(chain.masses_kg)
     force = [
         np.diag(v) + np.diag([*v[1:], 0.0]) - np.diag(v[1:], 1) - np.diag(v[1:], -1)
@@ -429,18 +432,16 @@ def test_the_response_of_a_chain_agrees_with_scipy(chain, name):
 
 @settings(max_examples=15)
 @given(st.lists(curves, min_size=1, max_size=2), st.floats(0.0, 3.0))
-def test_any_motion_is_answered_as_by_scipy_steps_in_speed_included(pieces, damping):
-    chain, trajectory = (
-        MassChain(masses_kg=(1.0,), stiffnesses_n_m=(90.0,), dampings_n_s_m=(damping,)),
-        Trajectory(tuple(pieces)),
-    )
+def test_the_response_to_any_motion_with_steps_in_speed_agrees_with_scipy(pieces, damping):
+    chain = MassChain(masses_kg=(1.0,), stiffnesses_n_m=(90.0,), dampings_n_s_m=(damping,))
+    trajectory = Trajectory(tuple(pieces))
     t = np.linspace(0.0, trajectory.duration_s, 20)[:-1]
     (z,) = response(chain.modal, trajectory)
     truth = by_dop853(chain, trajectory, t)[0]
     np.testing.assert_allclose(z.at(t), truth, atol=1e-8 * (1.0 + np.abs(truth).max()))
 
 
-def test_a_smooth_motion_is_answered_like_the_closed_form_it_copies():
+def test_the_response_to_a_smooth_motion_is_that_to_its_closed_form():
     for name in ("septic", "cycloidal", "modified_sine"):
         law, t = LAWS[name](1.2), np.linspace(0.0, 2.0, 50)
         for z, twin in zip(
@@ -452,8 +453,11 @@ def test_a_smooth_motion_is_answered_like_the_closed_form_it_copies():
 
 
 @pytest.mark.parametrize("slip", [0.0, 1e-12, 1e-6, 1e-3, 0.1, 0.33, 0.34, 1.0, 5.0])
-def test_at_and_near_resonance_nothing_is_lost(slip):
-    """z'' + 100 z = -cos(w t): z = (cos(w t) - cos(10 t)) / (w^2 - 100), t sin(10 t) / 20 at w = 10, written with a sinc."""
+def test_the_response_at_and_near_resonance_is_exact(slip):
+    """z'' + 100 z = -cos(w t) has z = (cos(w t) - cos(10 t)) / (w^2 - 100).
+
+    At w = 10 it is -t sin(10 t) / 20; both are written with a sinc.
+    """
     w, t = 10.0 + slip, np.linspace(0.0, 3.0, 61)
     shaken = Trajectory((ExpPolynomial(3.0, (0.0,), (ModalTerm(1j * w, (-1.0 / w**2 + 0j,)),)),))
     load = MassChain(masses_kg=(1.0,), stiffnesses_n_m=(100.0,)).modal
@@ -464,16 +468,16 @@ def test_at_and_near_resonance_nothing_is_lost(slip):
 
 @settings(max_examples=30)
 @given(curves, st.floats(-4, 1), st.floats(-20, 20), numbers)
-def test_a_driven_mode_obeys_its_equation(push, damping, frequency, start):
-    rate, t = complex(damping, frequency), np.linspace(0.0, push.duration_s, 7)
-    terms = driven(push, rate, start + 0j)
+def test_the_forced_response_of_a_mode_obeys_its_equation(forcing, damping, frequency, start):
+    rate, t = complex(damping, frequency), np.linspace(0.0, forcing.duration_s, 7)
+    terms = forced_response(forcing, rate, start + 0j)
     q = np.array([sum(term.at(x) for term in terms) for x in t.tolist()])
-    end = integral(lambda s: push.at(s) * np.exp(rate * (t[-1] - s)), t[-1])
+    end = integral(lambda s: forcing.at(s) * np.exp(rate * (t[-1] - s)), t[-1])
     assert q[0] == pytest.approx(start, abs=1e-9)
     assert abs(q[-1] - start * np.exp(rate * t[-1]) - end) < 1e-9 * (1.0 + abs(end))
 
 
-def test_the_amplitude_is_what_the_free_motion_swings_to():
+def test_the_residual_amplitude_is_the_peak_of_the_free_motion():
     for chain in (CHAINS["undamped"], MassChain(masses_kg=(1.0,), stiffnesses_n_m=(100.0,))):
         places = response(chain.modal, LAWS["cubic"](1.0), after_s=60.0)
         bound = residual(chain.modal, LAWS["cubic"](1.0))
@@ -482,15 +486,15 @@ def test_the_amplitude_is_what_the_free_motion_swings_to():
         assert np.all(peaks >= 0.9 * bound)  # the modes come into phase, nearly
 
 
-def test_a_suspended_load_is_a_load_like_any_other():
+def test_the_response_of_a_suspended_load_agrees_with_the_replay():
     model = ChainModel(links=(Link(0.5, 3.0), Link(0.7, 2.0)), damping_ratio=0.02)
     law = LAWS["quintic"](1.4).scaled(0.3)
     angles, _ = swing_after(model, law)
-    places = response(hanging(model), law)
+    places = response(suspended_load(model), law)
     np.testing.assert_allclose([float(z.at(1.4)) for z in places], angles, atol=1e-12)
 
 
-def test_natural_frequencies_of_equal_masses_are_the_textbook_s():
+def test_natural_frequencies_of_equal_masses_are_those_of_the_textbook():
     n = 5
     chain = MassChain(masses_kg=(0.4,) * n, stiffnesses_n_m=(250.0,) * n)
     k = np.arange(1, n + 1)
@@ -499,7 +503,7 @@ def test_natural_frequencies_of_equal_masses_are_the_textbook_s():
     np.testing.assert_allclose(chain.modal.eigenvalues_1_s, 1j * expected, rtol=1e-12, atol=1e-11)
 
 
-def test_chains_that_are_none_are_refused():
+def test_chains_with_bad_values_are_refused_by_name():
     with pytest.raises(PlanError, match="masses_kg is empty"):
         MassChain(masses_kg=(), stiffnesses_n_m=())
     with pytest.raises(PlanError, match=r"stiffnesses_n_m: 1 values; must be 2"):

@@ -39,13 +39,9 @@ DATA = tomllib.loads((Path(__file__).parents[1] / "data" / "splines.toml").read_
 CASE = DATA["case"]
 LIMITS = AxisLimits(speed_m_s=CASE["speed_m_s"], acceleration_m_s2=CASE["acceleration_m_s2"])
 RESTING = ("cubic", "four_three_four", "b_spline_4", "b_spline_5")
-CONTINUOUS = {
-    "cubic": 1,
-    "four_three_four": 2,
-    "b_spline_4": 2,
-    "b_spline_5": 2,
-}  # against rest at both ends
-SMOOTH = {"cubic": 2, "four_three_four": 2, "b_spline_4": 3, "b_spline_5": 4}  # inside
+# highest continuous derivative, against rest at both ends and inside
+CONTINUOUS = {"cubic": 1, "four_three_four": 2, "b_spline_4": 2, "b_spline_5": 2}
+SMOOTH = {"cubic": 2, "four_three_four": 2, "b_spline_4": 3, "b_spline_5": 4}
 
 gaps = st.lists(st.floats(0.2, 3.0), min_size=2, max_size=7)
 heights = st.floats(-3.0, 3.0)
@@ -59,7 +55,7 @@ def paths(draw):
 
 
 def steps(move, order):
-    """Of a derivative at the joints."""
+    """Compute the steps of a derivative at the joints."""
     ends = [[float(p.at(np.array(t), order)) for t in (0.0, p.duration_s)] for p in move.pieces]
     return np.array([b[0] - a[1] for a, b in pairwise(ends)])
 
@@ -107,9 +103,8 @@ def test_the_seven_point_cubic_is_the_one_of_the_source_and_its_printed_digits_a
     rows = np.array([piece.coefficients for piece in move.pieces])
     np.testing.assert_allclose(rows, d["coefficients_right"], atol=6e-6)
     cut = np.abs(rows) - np.abs(d["coefficients_printed"])
-    assert np.all(
-        (cut > -1e-3) & (cut < 0.0305)
-    )  # 3.43033 is printed as 3.4; 0.33901, alone, is rounded up
+    # digits are cut off, 3.43033 to 3.4; only 0.33901 is rounded up
+    assert np.all((cut > -1e-3) & (cut < 0.0305))
     np.testing.assert_allclose(move.at(d["t_s"], 2)[:-1], d["accelerations_right"][:-1], atol=6e-9)
     assert tuple(move.peak(1)) == pytest.approx(d["speed_peak"], rel=1e-5)
     assert tuple(move.peak(2)) == pytest.approx(d["acceleration_peak"], rel=1e-6)
@@ -255,7 +250,7 @@ def test_the_case_study_has_the_peaks_of_the_reference(law):
         )
 
 
-def test_the_b_spline_accelerates_less_than_the_four_three_four_spline_though_the_source_says_more():
+def test_the_b_spline_accelerates_less_than_the_four_three_four_spline_against_the_source():
     assert np.all(np.array(CASE["peaks"]["b_spline_4"][1]) < CASE["peaks"]["four_three_four"][1])
     rng, lower = np.random.default_rng(5), 0
     for _ in range(60):
@@ -338,7 +333,7 @@ def test_the_root_allocation_gives_the_least_acceleration_and_equal_times_the_la
 
 
 def example30(rounded):
-    """The worked example of source 003; rounded is its own switch: durations to 0.01 s, ties down."""
+    """Build the worked example of source 003; rounded: durations to 0.01 s, ties down."""
     d = DATA["example30"]
     segments, first = [], 0
     for k, (kind, count, total) in enumerate(
@@ -432,7 +427,7 @@ def test_a_peak_at_a_step_belongs_to_the_side_that_has_it():
     assert analyse(late).speed_m_s[2:5] == (5.0, 2.0, 1)
 
 
-def test_limits_that_are_broken_are_told_with_value_place_and_bound():
+def test_exceeded_limits_are_reported_with_value_place_and_bound():
     times = np.concatenate([[0.0], np.cumsum(allocate(CASE["points"], 11.0, 0.5))])
     move = b_spline(times, CASE["points"], 4)
     found = analyse(
@@ -441,10 +436,8 @@ def test_limits_that_are_broken_are_told_with_value_place_and_bound():
         AxisLimits(speed_m_s=3.0, acceleration_m_s2=5.0, jerk_m_s3=2.0, position_max_m=20.0),
     )
     assert [w.split(" ")[0] for w in found.warnings] == ["|speed_m_s|", "|jerk_m_s3|"]
-    assert (
-        f"reaches {found.speed_m_s.peak:.6g} at {found.speed_m_s.peak_t_s:.6g} s in interval 1; must be <= 3"
-        in found.warnings[0]
-    )
+    place = f"at {found.speed_m_s.peak_t_s:.6g} s in interval 1"
+    assert f"reaches {found.speed_m_s.peak:.6g} {place}; must be <= 3" in found.warnings[0]
     assert analyse(move, times, AxisLimits(speed_m_s=found.speed_m_s.peak)).warnings == ()
 
 
@@ -553,7 +546,7 @@ def test_the_minimum_keeps_the_limits_and_beats_every_allocation(q, law):
         ) * (1 + 1e-9)
 
 
-def test_a_point_may_be_passed_twice_with_a_turn_in_between_but_not_to_stand_there():
+def test_a_point_may_be_passed_twice_with_a_turn_in_between_but_without_a_dwell():
     found = minimum_time("cubic", [5, -1, -3, -3, 2], LIMITS)
     assert SPLINES["cubic"](found.times_s, [5, -1, -3, -3, 2]).extent().low < -3.01
     with pytest.raises(
@@ -608,7 +601,7 @@ def test_a_table_of_pieces_is_the_same_trajectory_as_the_pieces_themselves():
     np.testing.assert_allclose(both.at(t), 2.0 * move.at(t) + 1.0, atol=1e-12)
 
 
-def test_a_table_needs_pieces_that_last():
+def test_a_table_with_an_empty_piece_or_without_pieces_is_refused():
     with pytest.raises(PlanError, match=r"duration_s = 0\.0 of piece 1; must be finite and > 0"):
         Trajectory(Polynomials(np.array([1.0, 0.0]), np.zeros((2, 3))))
     with pytest.raises(PlanError, match="0 pieces"):
@@ -616,7 +609,10 @@ def test_a_table_needs_pieces_that_last():
 
 
 def test_the_splines_are_imported_without_scipy():
-    code = "import sys, planners.splines.minimum_time, planners.splines.chain; sys.exit('scipy' in sys.modules)"
+    code = (
+        "import sys, planners.splines.minimum_time, planners.splines.chain; "
+        "sys.exit('scipy' in sys.modules)"
+    )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
@@ -625,7 +621,7 @@ def test_the_splines_are_imported_without_scipy():
     ("t", "q", "message"),
     [
         ([0, 1, 1, 2], [0, 1, 2, 0], r"times_s\[2\] = 1 repeats after 1; must increase"),
-        ([0, 2, 1, 3], [0, 1, 2, 0], r"times_s\[2\] = 1 goes back after 2; must increase"),
+        ([0, 2, 1, 3], [0, 1, 2, 0], r"times_s\[2\] = 1 decreases after 2; must increase"),
         (
             [0, 1, 1 + 1e-12, 2],
             [0, 1, 2, 0],
@@ -689,7 +685,7 @@ def test_bad_points_are_refused_by_every_law(law, t, q, message):
         ),
         (
             lambda: minimum_time("cubic", [0, 1e-200, 2e-200], LIMITS),
-            "first point = 2e-200; must be 1e-12 to",
+            "distance from the first point = 2e-200; must be 1e-12 to",
         ),
         (lambda: allocate([0], 1.0, 0.0), r"shape \(1,\)"),
         (lambda: AxisLimits(speed_m_s=0.0), "speed_m_s = 0.0; must be 1e-09 to"),
@@ -744,7 +740,7 @@ def test_bad_points_are_refused_by_every_law(law, t, q, message):
         ),
     ],
 )
-def test_bad_input_is_named_with_value_and_bound(call, message):
+def test_bad_input_is_refused_with_value_and_bound(call, message):
     with pytest.raises(PlanError, match=message):
         call()
 
@@ -760,14 +756,14 @@ def test_limits_that_cannot_be_met_are_infeasible():
 def test_a_polynomial_that_misses_its_points_is_refused(n):
     q = np.random.default_rng(0).uniform(-1.0, 1.0, n)
     with pytest.raises(
-        NotConverged, match=f"through {n} points misses one by .* must be <= .* take a spline"
+        NotConverged, match=f"through {n} points has an error of .* must be <= .* use a spline"
     ):
         n_point(np.arange(float(n)), q)
 
 
 @pytest.mark.parametrize("law", SPLINES)
 @pytest.mark.parametrize(("time", "size"), [(1e-9, 1e9), (1e9, 1e9), (1e-9, 1e-12), (1e9, 1e-12)])
-def test_a_spline_keeps_its_shape_at_the_shortest_and_longest_times_and_ways(law, time, size):
+def test_a_spline_keeps_its_shape_at_the_shortest_and_longest_times_and_distances(law, time, size):
     t, q = np.linspace(0.0, 1.0, 5), np.array([0.0, 1.0, -0.5, 0.7, 0.0])
     unit, move = SPLINES[law](t, q), SPLINES[law](time * t, size * q)
     for order in (0, 1, 2):
@@ -777,14 +773,14 @@ def test_a_spline_keeps_its_shape_at_the_shortest_and_longest_times_and_ways(law
 
 
 @pytest.mark.parametrize("law", SHAPES)
-@pytest.mark.parametrize(("way", "bound"), [(1e-12, 1e12), (1e-12, 1e-9), (1e9, 1e12), (1e9, 1e-9)])
-def test_the_least_time_grows_with_the_root_of_way_over_acceleration_up_to_the_bounds(
-    law, way, bound
+@pytest.mark.parametrize(
+    ("distance", "bound"), [(1e-12, 1e12), (1e-12, 1e-9), (1e9, 1e12), (1e9, 1e-9)]
+)
+def test_the_minimum_time_grows_with_the_root_of_distance_over_acceleration_up_to_the_bounds(
+    law, distance, bound
 ):
-    unit = minimum_time(law, [0.0, 1.0, 0.5], AxisLimits(acceleration_m_s2=1.0), samples=4).times_s[
-        -1
-    ]
-    found = minimum_time(
-        law, [0.0, way, way / 2.0], AxisLimits(acceleration_m_s2=bound), samples=4
-    ).times_s[-1]
-    assert found == pytest.approx(unit * math.sqrt(way / bound), rel=1e-6)
+    limits, points = AxisLimits(acceleration_m_s2=bound), [0.0, distance, distance / 2.0]
+    unit_limits = AxisLimits(acceleration_m_s2=1.0)
+    unit = minimum_time(law, [0.0, 1.0, 0.5], unit_limits, samples=4).times_s[-1]
+    found = minimum_time(law, points, limits, samples=4).times_s[-1]
+    assert found == pytest.approx(unit * math.sqrt(distance / bound), rel=1e-6)

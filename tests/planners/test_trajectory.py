@@ -1,4 +1,4 @@
-"""Trajectories against closed forms, dense sampling and scipy's quadrature."""
+"""Trajectories against closed forms, dense sampling and quadrature of scipy."""
 
 from __future__ import annotations
 
@@ -127,9 +127,8 @@ def test_a_high_degree_hides_no_extreme():
 
 def test_instants_of_peaks_are_polished():
     decay, w = 0.3, 50.0
-    move = Trajectory(
-        (ExpPolynomial(5.0, (0.0,), (ModalTerm(complex(-decay, w), (-1j,)),)),)
-    )  # exp(-0.3 t) sin(50 t)
+    wave = ModalTerm(complex(-decay, w), (-1j,))  # exp(-0.3 t) sin(50 t)
+    move = Trajectory((ExpPolynomial(5.0, (0.0,), (wave,)),))
     first = math.atan2(w, decay) / w
     assert move.peak().t_s == pytest.approx(first, abs=1e-12)
     assert move.peak().value == pytest.approx(
@@ -219,9 +218,8 @@ def test_continuity_counts_joints_and_ends():
     assert not Trajectory((QUINTIC,)).continuous(3)
     assert Trajectory((QUINTIC.window(0.0, 0.3), QUINTIC.window(0.3, 0.7))).continuous(2)
     assert not Trajectory((QUINTIC.window(0.0, 0.3), QUINTIC.window(0.31, 0.69))).continuous(0)
-    assert not Trajectory((polynomial(1.0, (0.0, 1.0)),)).continuous(
-        2
-    )  # a step in speed, though acceleration is 0
+    ramp = Trajectory((polynomial(1.0, (0.0, 1.0)),))  # steps in speed; its acceleration is 0
+    assert not ramp.continuous(2)
     assert Trajectory.hold(0.2, 1.0).continuous(3)
 
 
@@ -232,20 +230,20 @@ def test_parts_run_one_after_the_other():
     np.testing.assert_allclose(both.at([0.5, 1.0, 1.5, 2.0]), [0.5, 1.0, 0.5, 0.0], atol=1e-15)
 
 
-def test_a_jump_between_parts_is_refused_with_both_positions():
-    with pytest.raises(PlanError, match=r"jumps from 1\.0 m to 0\.0 m"):
+def test_a_step_between_parts_is_refused_with_both_positions():
+    with pytest.raises(PlanError, match=r"steps from 1\.0 m to 0\.0 m"):
         harmonic(1.0).then(harmonic(1.0))
 
 
 @pytest.mark.parametrize("duration", [0.0, -1.0, math.inf, math.nan])
-def test_a_piece_must_last(duration):
+def test_a_piece_without_a_finite_duration_is_refused(duration):
     with pytest.raises(PlanError, match="duration_s"):
         Trajectory.hold(0.0, duration)
     with pytest.raises(PlanError, match="duration_s"):
         harmonic(duration)
 
 
-def test_other_bad_input_is_named():
+def test_other_bad_input_is_refused_by_name():
     with pytest.raises(PlanError, match="0 pieces"):
         Trajectory(())
     with pytest.raises(PlanError, match="nan"):

@@ -17,7 +17,7 @@ from planners.splines import SPLINES
 from planners.splines.allocation import ALLOCATIONS, allocate
 from planners.splines.analysis import NAMES, SplineAnalysis, analyse
 from planners.splines.blends import parabolic_blends
-from planners.splines.limits import OF_ORDER, AxisLimits
+from planners.splines.limits import LIMIT_NAMES, AxisLimits
 from planners.splines.minimum_time import SHAPES, minimum_time
 from planners.trajectories.operations import within_limits
 from planners.trajectories.pieces import FloatArray
@@ -198,7 +198,7 @@ def _timing(
             _from_zero(allocate(points.points_m, total_s, ALLOCATIONS[start])),
             f"{allocation} shares",
         )
-    bounds = {name: getattr(limits, name) for name in OF_ORDER.values()}
+    bounds = {name: getattr(limits, name) for name in LIMIT_NAMES.values()}
     if kind == BLENDS or not any(map(math.isfinite, bounds.values())):
         other = "" if kind == BLENDS else ", or a limit for the least time: --vmax, --amax, --jmax"
         raise ConfigError(
@@ -247,11 +247,11 @@ def _continuity(path: Trajectory) -> str:
 
 def _steps(path: Trajectory, limits: AxisLimits) -> Iterator[str]:
     """Sentences for limits that a step of the derivative below breaks, which no range of values shows."""
-    for order, name in OF_ORDER.items():
-        if math.isfinite(limits.of_order(order)) and not path.continuous(order - 1):
+    for order, name in LIMIT_NAMES.items():
+        if math.isfinite(limits.peak_limit(order)) and not path.continuous(order - 1):
             yield (
                 f"|{name}| is without bound where {NAMES[order - 1]} steps, perhaps at an end; "
-                f"must be <= {limits.of_order(order):.6g}: take a smoother kind, b_spline_5 say"
+                f"must be <= {limits.peak_limit(order):.6g}: take a smoother kind, b_spline_5 say"
             )
 
 

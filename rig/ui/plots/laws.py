@@ -12,9 +12,9 @@ from planners.laws import LAWS
 from planners.laws.catalogue import coefficients
 from planners.spectra.law_spectra import law_spectrum
 from planners.spectra.swing_free import swing_free_cycles
-from planners.splines.limits import OF_ORDER, AxisLimits
+from planners.splines.limits import LIMIT_NAMES, AxisLimits
 from planners.trajectories.pieces import FloatArray
-from planners.trajectories.trajectory import JUMP, Trajectory
+from planners.trajectories.trajectory import JUMP_REL, Trajectory
 from rig.drives.motor import Motor, Verdict, operating_points, torque
 from rig.studies.sizing.motor_task import MotorTask
 
@@ -196,7 +196,9 @@ def _steps(law: Trajectory) -> list[tuple[float, bool]]:
         (t_s, after - before)
         for t_s, before, after in zip(law.breaks_s, values[::2], values[1::2], strict=True)
     ]
-    return [(float(t_s), step > 0.0) for t_s, step in steps if abs(step) > JUMP * law.peak(2).value]
+    return [
+        (float(t_s), step > 0.0) for t_s, step in steps if abs(step) > JUMP_REL * law.peak(2).value
+    ]
 
 
 def _spectrum(panel: Axes, name: str, colour: str, *, shade: bool = True) -> None:
@@ -223,7 +225,7 @@ def _samples(path: Trajectory, order: int) -> tuple[FloatArray, FloatArray]:
 
 def _limit_lines(panels: Sequence[Axes], limits: AxisLimits) -> None:
     bounds = [(limits.position_min_m, limits.position_max_m)]
-    bounds += [(-limits.of_order(order), limits.of_order(order)) for order in OF_ORDER]
+    bounds += [(-limits.peak_limit(order), limits.peak_limit(order)) for order in LIMIT_NAMES]
     for panel, sides in zip(panels, bounds, strict=True):
         for side in sides:
             if np.isfinite(side):
