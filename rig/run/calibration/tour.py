@@ -15,7 +15,7 @@ from planners import catalog
 from planners.problem import Problem
 from planners.trajectories.motion import Motion
 from planners.trajectories.trajectory import Trajectory
-from rig.analysis.identify.offsets import OffsetCalibration, Watch, calibrate_offsets
+from rig.analysis.identify.offsets import OffsetCalibration, SwingRecord, calibrate_offsets
 from rig.analysis.run_log import SETTLE_S, RunLog
 from rig.run.calibration.file import Calibration
 from rig.run.config import Experiment
@@ -95,11 +95,11 @@ def default_path(folder: Path, calibration: Calibration) -> Path:
     return folder / f"calibration_{utc_now():%Y-%m-%d}_{calibration.camera}.toml"
 
 
-def _watch(samples: list[AngleSample], t0_s: float, t1_s: float) -> Watch:
+def _watch(samples: list[AngleSample], t0_s: float, t1_s: float) -> SwingRecord:
     rows = [
         (a.t_valid_ns * 1e-9, a.raw_rad, a.platform_m, a.pivot_miss_px)
         for a in samples
         if t0_s <= a.t_valid_ns * 1e-9 <= t1_s
     ]
     t, raw, platform, miss = np.array(rows, dtype=np.float64).reshape(-1, 4).T
-    return Watch(t_s=t, raw_rad=raw, platform_m=platform, pivot_miss_px=miss)
+    return SwingRecord(t_s=t, raw_rad=raw, platform_m=platform, pivot_miss_px=miss)

@@ -17,7 +17,7 @@ from rig.analysis.identify.decay import (
     cable_length_m,
     cable_length_sigma_m,
     fit_decay,
-    identifiable,
+    is_identifiable,
 )
 from rig.analysis.identify.errors import AnalysisError
 
@@ -237,15 +237,15 @@ def test_noise_alone_is_not_called_a_swing(average_frames: int) -> None:
     for _ in range(60):
         noise = averaged(rng.normal(0, 1e-5, t.size + average_frames - 1), average_frames)
         fit = fit_decay(t, noise, average_frames=average_frames)
-        assert not identifiable(fit.natural_frequency_hz, fit.sigma_natural_frequency_hz)
-        assert not identifiable(fit.amplitude_rad, fit.sigma_amplitude_rad)
+        assert not is_identifiable(fit.natural_frequency_hz, fit.sigma_natural_frequency_hz)
+        assert not is_identifiable(fit.amplitude_rad, fit.sigma_amplitude_rad)
 
 
 def test_a_value_is_identifiable_up_to_a_sigma_of_half_of_it() -> None:
-    assert identifiable(-2.0, 1.0)
-    assert not identifiable(2.0, 1.01)
-    assert not identifiable(2.0, math.inf)
-    assert not identifiable(2.0, math.nan)
+    assert is_identifiable(-2.0, 1.0)
+    assert not is_identifiable(2.0, 1.01)
+    assert not is_identifiable(2.0, math.inf)
+    assert not is_identifiable(2.0, math.nan)
 
 
 def test_the_length_sigma_is_the_derivative_of_the_length() -> None:
@@ -262,7 +262,7 @@ T = PERIOD_S * np.arange(100)
     [
         (T[:19], np.cos(3 * T[:19]), 1, "19 samples; need 20"),
         (T, np.cos(1.5 * T), 1, "0.4. periods in 1.98 s; need 0.8"),
-        (T, np.full(100, 0.002), 1, "nothing swings"),
+        (T, np.full(100, 0.002), 1, "in all 100 samples; must vary"),
         (T, np.where(T < 1, np.nan, 1.0), 1, "finite"),
         (T[::-1], np.cos(T), 1, "stamps must rise"),
         (T, np.cos(T[:50]), 1, r"\(100,\).*\(50,\)"),

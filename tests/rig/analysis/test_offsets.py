@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pytest
 
 from rig.analysis.identify.errors import AnalysisError
-from rig.analysis.identify.offsets import OffsetCalibration, Watch, calibrate_offsets
+from rig.analysis.identify.offsets import OffsetCalibration, SwingRecord, calibrate_offsets
 
 Array = npt.NDArray[np.float64]
 
@@ -33,7 +33,7 @@ def watch(
     *,
     periods: float = 2.0,
     damping_ratio: float = 0.000237,
-) -> Watch:
+) -> SwingRecord:
     t = 100 + rng.uniform(0, 50) + np.arange(0, periods / FREQUENCY_HZ + 0.02, 0.02)
     w = 2 * math.pi * FREQUENCY_HZ
     swing = (
@@ -49,11 +49,13 @@ def watch(
     error_rad = rng.normal(0, NOISE_RAD, t.size)
     line_px += (BELIEVED_HOME_PX[1] - MID_ROW_PX) * error_rad + rng.normal(0, 0.003, t.size)
     miss_px = line_px - BELIEVED_HOME_PX[0] - BELIEVED_SCALE_PX_M * platform_m
-    return Watch(t_s=t, raw_rad=clean + error_rad, platform_m=platform_m, pivot_miss_px=miss_px)
+    return SwingRecord(
+        t_s=t, raw_rad=clean + error_rad, platform_m=platform_m, pivot_miss_px=miss_px
+    )
 
 
 def calibrate(
-    watches: list[Watch], natural_frequency_hz: float = FREQUENCY_HZ
+    watches: list[SwingRecord], natural_frequency_hz: float = FREQUENCY_HZ
 ) -> OffsetCalibration:
     return calibrate_offsets(
         watches,
@@ -125,7 +127,7 @@ def test_a_load_near_rest_keeps_the_predicted_row_and_says_so() -> None:
     assert not table.row_observed
     assert table.pivot_home_px[1] == BELIEVED_HOME_PX[1]
     assert table.sigma_pivot_home_px[1] == math.inf
-    # what the pivot's true row does to the line at rest is in u and scale: the tracker predicts that very line
+    # u and scale contain the effect of the true row on the line at rest, which the tracker predicts
     x, row_error = POSITIONS_M, BELIEVED_HOME_PX[1] - TRUE_HOME_PX[1]
     line_px = TRUE_HOME_PX[0] + TRUE_SCALE_PX_M * x + np.tan(true_offset_rad(x)) * row_error
     np.testing.assert_allclose(table.pivot_home_px[0] + table.pixels_per_m * x, line_px, atol=2e-3)
@@ -167,7 +169,7 @@ def test_a_watch_too_short_or_too_blind_is_refused_with_its_place() -> None:
     with pytest.raises(AnalysisError, match=r"0\.\d\d periods watched at 0\.200 m"):
         calibrate([*good, watch(0.2, 0.004, rng, periods=0.9)])
     half_blind = watch(0.2, 0.004, rng)
-    for kept, where in ((0, "at an unseen position"), (19, r"at 0\.200 m")):
+    for kept, where in ((0, "at an unknown position"), (19, r"at 0\.200 m")):
         raw_rad = np.where(np.arange(half_blind.t_s.size) < kept, half_blind.raw_rad, np.nan)
         with pytest.raises(AnalysisError, match=f"{kept} valid samples {where}; need 20"):
             calibrate([*good, replace(half_blind, raw_rad=raw_rad)])
