@@ -1,4 +1,4 @@
-"""The calibration file: what is written is what is read, and a file that does not fit is refused."""
+"""The calibration file: what is written is read back, and a file that does not fit is refused."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ CALIBRATION = Calibration(
 
 def asking_for(calibration: str, *overrides: str) -> Experiment:
     """The move, with another calibration."""
-    base = config.load("move", list(overrides))
+    base = config.read_experiment("move", list(overrides))
     return msgspec.structs.replace(
         base, vision=msgspec.structs.replace(base.vision, calibration=calibration)
     )
@@ -111,7 +111,7 @@ def test_saving_makes_the_folder_it_is_to_lie_in(tmp_path: Path) -> None:
 def test_shipped_is_the_newest_one_shipped_and_fits_the_shipped_experiments() -> None:
     newest = config.shipped_calibrations()[-1]
     for experiment in config.shipped():
-        name, calibration = calibration_file.find(config.load(experiment, []))
+        name, calibration = calibration_file.find(config.read_experiment(experiment, []))
         assert name == newest
         assert calibration is not None
         assert calibration == convert(config.read_shipped_calibration(newest), Calibration)
@@ -151,7 +151,9 @@ def test_a_calibration_of_another_picture_size_is_refused_with_both_sizes(
     text = refusal(saved(tmp_path), override)
     key, _, size = override.partition("=")
     expected = (int(size), 480) if key.endswith("width") else (640, int(size))
-    assert f"is for pictures of (640, 480); [camera] says {expected}: calibrate again" in text
+    assert (
+        f"is for pictures of (640, 480); must be {expected} as in [camera]: calibrate again" in text
+    )
 
 
 @pytest.mark.parametrize(

@@ -81,7 +81,7 @@ def run(
     refer: Callable[[int], float | None] = lambda k: None,
     encoders: bool = True,
 ) -> list[Step]:
-    """Ticks counted from t_start; before each the encoders speak, and refer(k) may give a reference."""
+    """Ticks from t_start on; before each, a joint state, and a reference if refer(k) gives one."""
     steps = []
     for k in ticks:
         t_ns = T_START_NS + k * TICK_NS
@@ -217,7 +217,7 @@ def test_a_controller_without_encoders_refuses_to_say_it_is_ready_or_to_arm(verb
     controller.start(0)
     (reply,) = replies(tell(controller, order(verb, id=12), 0))
     assert (reply.id, reply.ok, reply.phase) == (12, False, Phase.IDLE)
-    assert reply.text == "the robot's encoders are silent: is the bench running?"
+    assert reply.text == "no joint state arrives from the encoders: is the bench running?"
 
 
 @pytest.mark.parametrize(("age_ms", "ok"), [(100, True), (101, False)])
@@ -299,9 +299,9 @@ def test_silent_encoders_are_a_fault_after_100_ms(verbs: tuple[Verb, ...]) -> No
     ((k, told),) = [(k, r) for k, step in enumerate(steps) for r in replies(step)]
     assert k == 21
     assert (told.id, told.ok, told.exit, told.phase) == (0, False, 5, Phase.FAULT)
-    assert (
-        told.text
-        == "no joint state for 105 ms; must be <= 100 ms (safety.robot_stale_ms): is the bench running?"
+    assert told.text == (
+        "no joint state for 105 ms; must be <= 100 ms (safety.robot_stale_ms): "
+        "is the bench running?"
     )
     assert len(set(xs(steps[k:]))) == 1, "the setpoint stays where it is"
 

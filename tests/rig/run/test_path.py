@@ -1,4 +1,4 @@
-"""The path of a run, hop by hop in the order of docs/path.md, then the whole loop in virtual time."""
+"""The path of a run in the order of docs/path.md, then the whole loop in virtual time."""
 
 import math
 
@@ -35,7 +35,7 @@ SHORT = ["experiment.quiet_s=0.6", "experiment.watch_s=4", "record.pictures_hz=1
 
 
 def loaded(*changes):
-    return config.load("move", [*SHORT, *changes])
+    return config.read_experiment("move", [*SHORT, *changes])
 
 
 def sent(step, channel):
@@ -272,14 +272,16 @@ def test_equal_seeds_give_equal_digests_and_other_seeds_others(tmp_path):
     brief = ["experiment.quiet_s=0.6", "experiment.watch_s=0.2", "move.time_s=1.5"]
     digests = []
     for seed in (1, 1, 2):
-        chosen = config.load("move", [*brief, f"experiment.seed={seed}"])
+        chosen = config.read_experiment("move", [*brief, f"experiment.seed={seed}"])
         digests.append(experiment.run(chosen, "virtual", tmp_path, quietly, quietly).outcome.digest)
     assert digests[0] == digests[1]
     assert digests[0] != digests[2]
 
 
 def test_a_free_decay_gives_frequency_and_damping_it_was_not_told(tmp_path):
-    ran = experiment.run(config.load("free_decay", []), "virtual", tmp_path, quietly, quietly)
+    ran = experiment.run(
+        config.read_experiment("free_decay", []), "virtual", tmp_path, quietly, quietly
+    )
     summary = RunAnalysis(ran.folder / LOG).summary
     truth = math.sqrt(9.81 / 0.9624) / (2 * math.pi)
     assert summary.measured.natural_frequency_hz == pytest.approx(truth, rel=1e-5)
@@ -287,7 +289,7 @@ def test_a_free_decay_gives_frequency_and_damping_it_was_not_told(tmp_path):
 
 
 def test_dropouts_ride_through_holes_and_a_loss_free_twin_stands_beside_them(tmp_path):
-    chosen = config.load("dropouts", SHORT)
+    chosen = config.read_experiment("dropouts", SHORT)
     ran = experiment.run(chosen, "virtual", tmp_path, quietly, quietly)
     lossy, twin = RunAnalysis(ran.folder / LOG), RunAnalysis(ran.twin / LOG)
     reference = lossy.summary.links["reference"]

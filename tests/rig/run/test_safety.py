@@ -143,7 +143,7 @@ def test_braking_harder_than_the_bound_is_refused() -> None:
 
 
 def test_a_jump_is_refused_however_long_the_gap_before_it() -> None:
-    """After a second of silence 50 mm are 0.05 m/s on paper, but the controller would cover them in 30 ms."""
+    """50 mm after a gap of 1 s are 0.05 m/s, but the controller covers them in 30 ms."""
     for gap_ns in (10 * MS, 100 * MS, 1_000 * MS, 10_000 * MS):
         gate = Gate(msgspec.structs.replace(BOUNDS, acceleration_m_s2=1e6))
         assert gate.refusal(0, (0.0, 0.0, 0.0)) is None

@@ -1,4 +1,4 @@
-"""The streamer: the plan at its ticks, a robot in its place, a load at rest, and stops that hold."""
+"""The streamer: the plan at its ticks, the checks before the move, and stops that hold."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ QUIET_TICKS, MOVE_TICKS = 100, 80
 
 
 def smooth_plan(distance_m: float = 0.1) -> list[Position]:
-    """A second of quiet, then a rest-to-rest quintic in 0.8 s: its peak speed is 1.875 distance / time."""
+    """1 s of rest, then a quintic in 0.8 s; its peak speed is 1.875 distance / time."""
     s = np.clip((np.arange(QUIET_TICKS + MOVE_TICKS + 1) - QUIET_TICKS) / MOVE_TICKS, 0.0, 1.0)
     return [(float(x), 0.0, 0.0) for x in distance_m * (10 * s**3 - 15 * s**4 + 6 * s**5)]
 
@@ -226,8 +226,9 @@ def test_start_is_refused_with_the_robot_elsewhere_and_names_both_places_and_the
     reply = start_with(robot_at(x_m))
     assert (reply.ok, reply.exit, reply.phase) == (False, 3, Phase.ARMED)
     assert reply.text == (
-        f"start refused: the robot stands at ({x_m:.4f}, 0.0000, 0.0000) m, the move starts at (0.0000, 0.0000, 0.0000) m, "
-        f"{abs(x_m) * 1e3:.1f} mm away; must be <= 2 mm: bring the robot there, or set move.start_m to where it stands"
+        f"start refused: the robot stands at ({x_m:.4f}, 0.0000, 0.0000) m, "
+        f"the move starts at (0.0000, 0.0000, 0.0000) m, {abs(x_m) * 1e3:.1f} mm away; "
+        "must be <= 2 mm: bring the robot there, or set move.start_m to where it stands"
     )
 
 
@@ -254,7 +255,8 @@ def test_start_is_refused_while_nobody_said_where_the_robot_is() -> None:
     reply = start_with(None)
     assert (reply.ok, reply.exit) == (False, 3)
     assert reply.text == (
-        "start refused: the robot's state never came; must be <= 100 ms old: are controller and bench running?"
+        "start refused: the robot state has not arrived; must be <= 100 ms old: "
+        "are controller and bench running?"
     )
 
 
@@ -367,7 +369,7 @@ def test_the_streamer_is_not_ready_before_it_knows_where_the_robot_stands() -> N
     streamer.on_message("robot_state", robot_at(0.0), 5 * MS)
     (later,) = replies(tell(streamer, order(Verb.STATUS), 6 * MS))
     assert (early.ok, later.ok) == (False, True)
-    assert "robot's state has not come" in early.text
+    assert "no robot state has arrived" in early.text
 
 
 def test_a_plan_that_jumps_is_stopped_before_the_jump_and_the_place_before_it_is_held() -> None:
@@ -441,7 +443,7 @@ def test_a_move_is_refused_when_the_look_was_too_short_to_tell_whether_the_load_
     steps = see(streamer, range(first, last), 0.05) + play(streamer, range(last, last + 1))
     (news,) = [r for step in steps for r in replies(step)]
     assert (news.ok, news.exit) == (False, 3)
-    assert "cannot tell whether the load swings" in news.text
+    assert "the swing before the start cannot be measured" in news.text
     assert "raise quiet_s" in news.text
 
 
@@ -453,7 +455,7 @@ def test_a_move_without_any_quiet_time_starts_unseen_and_says_so() -> None:
     )
     (news,) = [r for step in play(streamer, range(1)) for r in replies(step)]
     assert (news.ok, news.exit) == (True, None)
-    assert "cannot tell whether the load swings" in news.text
+    assert "the swing before the start cannot be measured" in news.text
 
 
 def test_nothing_is_said_of_the_load_when_nothing_moves() -> None:

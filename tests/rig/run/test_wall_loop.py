@@ -36,7 +36,7 @@ def quietly(*_):
 
 
 def test_the_loop_over_sockets_ends_well_and_every_link_balances(tmp_path):
-    ran = experiment.run(config.load("move", BRIEF), "wall", tmp_path, quietly, quietly)
+    ran = experiment.run(config.read_experiment("move", BRIEF), "wall", tmp_path, quietly, quietly)
     summary = RunAnalysis(ran.folder / LOG).summary
     assert (ran.outcome.exit_code, ran.outcome.reasons) == (0, [])
     assert {name: row.unexplained for name, row in summary.links.items()} == dict.fromkeys(
@@ -51,7 +51,9 @@ def test_wall_and_virtual_lose_the_very_same_references(tmp_path):
     changes = [*BRIEF, "links.reference.loss=0.1"]
     lost = []
     for mode in ("wall", "virtual"):
-        ran = experiment.run(config.load("move", changes), mode, tmp_path, quietly, quietly)
+        ran = experiment.run(
+            config.read_experiment("move", changes), mode, tmp_path, quietly, quietly
+        )
         assert (ran.outcome.exit_code, ran.outcome.reasons) == (0, [])
         run = RunAnalysis(ran.folder / LOG).run
         arrived = run.receipts("reference")
@@ -65,11 +67,11 @@ def test_a_stop_before_the_tasks_have_come_is_a_stop_and_no_fault(tmp_path, monk
         """An operator who pressed Ctrl-C before the first task was there."""
 
         def __enter__(self):
-            self.count, self.what = 1, "Ctrl-C"
+            self.count, self.newest = 1, "Ctrl-C"
             return super().__enter__()
 
     monkeypatch.setattr(execute, "Interrupts", Impatient)
-    ran = experiment.run(config.load("move", BRIEF), "wall", tmp_path, quietly, quietly)
+    ran = experiment.run(config.read_experiment("move", BRIEF), "wall", tmp_path, quietly, quietly)
     assert (ran.outcome.exit_code, ran.outcome.reasons) == (4, ["stopped by the operator (Ctrl-C)"])
     assert RunAnalysis(ran.folder / LOG).run.log.complete
 
@@ -154,7 +156,7 @@ def test_a_task_that_dies_ends_the_run_as_a_fault_that_names_it_and_what_was_rec
     os.kill(child_of(run, "vision"), signal.SIGKILL)
     code, said = ended(run)
     assert (code, said["exit_status"]) == (5, "fault")
-    assert "task 'vision' died (signal 9)" in said["reasons"][0]
+    assert "task 'vision' exited during the run (signal 9)" in said["reasons"][0]
     assert RunAnalysis(Path(said["run_dir"]) / LOG).run.angles
 
 
@@ -201,7 +203,7 @@ def test_a_port_in_use_is_refused_before_anything_moves(tmp_path):
     taken = UdpReceiver("127.0.0.1", base + 3, "test")  # the first data channel's
     with pytest.raises(Refused, match=f"port {base + 3}.*base_port"):
         experiment.run(
-            config.load("move", [*BRIEF, f"network.base_port={base}"]),
+            config.read_experiment("move", [*BRIEF, f"network.base_port={base}"]),
             "wall",
             tmp_path,
             quietly,

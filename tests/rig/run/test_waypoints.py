@@ -26,7 +26,7 @@ def through(tmp_path):
     def make(text, *changes):
         file = tmp_path / "points.csv"
         file.write_text(text)
-        return config.load("move", [*BRIEF, f"move.waypoints={file}", *changes])
+        return config.read_experiment("move", [*BRIEF, f"move.waypoints={file}", *changes])
 
     return make
 
@@ -60,7 +60,7 @@ def test_a_relative_path_starts_at_the_experiment_file(tmp_path, monkeypatch):
         '[experiment]\nname = "mine"\n[move]\nwaypoints = "points.csv"\ntime_s = 4\n'
     )
     monkeypatch.chdir("/")
-    assert plan_move(config.load(str(tmp_path / "mine.toml"), [])).problem.time_s == 4.0
+    assert plan_move(config.read_experiment(str(tmp_path / "mine.toml"), [])).problem.time_s == 4.0
 
 
 def test_the_robot_runs_through_the_points_in_three_axes(through, tmp_path):
@@ -126,7 +126,7 @@ def test_a_motion_that_leaves_the_workspace_is_refused_before_it_starts(through)
 
 def test_a_file_that_is_not_there_is_named(tmp_path):
     with pytest.raises(ConfigError, match=r"waypoints '.*nowhere.csv' cannot be read"):
-        plan_move(config.load("move", [f"move.waypoints={tmp_path / 'nowhere.csv'}"]))
+        plan_move(config.read_experiment("move", [f"move.waypoints={tmp_path / 'nowhere.csv'}"]))
 
 
 @pytest.mark.parametrize(
@@ -148,7 +148,7 @@ def test_limits_are_those_of_the_motion_in_space(through):
     assert plan.metrics.peak_speed_m_s == pytest.approx(plan.motion.y.peak(1).value)
     assert plan.metrics.peak_swing_rad == 0.0
     tight = through("x_m,y_m\n0,0\n0,0.1\n0,0.2\n", "move.time_s=0.6", "limits.acceleration_m_s2=2")
-    with pytest.raises(Refused, match=r"the plan leaves \[limits\]: peak acceleration"):
+    with pytest.raises(Refused, match=r"the plan exceeds \[limits\]: peak acceleration"):
         prepare(tight, plan_move(tight), bench.plant(tight))
 
 

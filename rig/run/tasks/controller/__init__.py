@@ -1,1 +1,1 @@
-"""The robot controller: communication (newest reference in, state out) composed with 30 ms interpolation."""
+"""The robot controller: communication (newest reference in, state out) and 30 ms interpolation."""
