@@ -93,7 +93,7 @@ def fit_decay(
         free_swing, tau=tau, average_frames=average_frames, frame_period_s=frame_period_s
     )
     with np.errstate(all="ignore"):  # steps that overflow have infinite cost
-        p = levenberg_marquardt(model, y, _start(tau, y), _is_swing)
+        p = levenberg_marquardt(model, y, _initial_guess(tau, y), _is_swing)
     J = derivative(model, p)
     residual = y - model(p)
     pseudo_inverse = np.asarray(np.linalg.pinv(J), dtype=np.float64)  # (5, N)
@@ -125,7 +125,7 @@ def cable_length_sigma_m(
     return 2 * cable_length_m(natural_frequency_hz, gravity_m_s2) * sigma_hz / natural_frequency_hz
 
 
-def _start(tau: FloatArray, y: FloatArray) -> FloatArray:
+def _initial_guess(tau: FloatArray, y: FloatArray) -> FloatArray:
     """Fit an undamped sinusoid with offset at the peak of the periodogram, as start of the fit."""
     w = 2 * math.pi * _strongest_frequency_hz(tau, y)
     basis = np.stack([np.cos(w * tau), np.sin(w * tau), np.ones_like(tau)], axis=-1)

@@ -32,7 +32,7 @@ CALIBRATION = Calibration(
 
 
 def asking_for(calibration: str, *overrides: str) -> Experiment:
-    """The move, with another calibration."""
+    """Shipped move with another calibration."""
     base = config.read_experiment("move", list(overrides))
     return msgspec.structs.replace(
         base, vision=msgspec.structs.replace(base.vision, calibration=calibration)
@@ -40,14 +40,14 @@ def asking_for(calibration: str, *overrides: str) -> Experiment:
 
 
 def saved(path: Path, calibration: Calibration = CALIBRATION) -> str:
-    """Name of the file it was written to."""
+    """Write a calibration; return the name of the file."""
     file = path / "calibration.toml"
     calibration_file.save(calibration, file)
     return str(file)
 
 
 def refusal(calibration: str, *overrides: str) -> str:
-    """What the operator is told."""
+    """Error text of a refused calibration."""
     with pytest.raises(ConfigError) as error:
         calibration_file.find(asking_for(calibration, *overrides))
     return str(error.value)
@@ -125,7 +125,7 @@ def test_shipped_is_the_newest_one_shipped_and_fits_the_shipped_experiments() ->
         pytest.param("nowhere.toml", "camera.rate_hz=0", id="no_camera_and_no_file"),
     ],
 )
-def test_none_is_looked_for_when_none_is_needed(calibration: str, override: str) -> None:
+def test_no_calibration_is_read_when_none_is_needed(calibration: str, override: str) -> None:
     assert calibration_file.find(asking_for(calibration, override)) == (calibration, None)
 
 
@@ -137,7 +137,7 @@ def test_a_missing_file_is_answered_with_how_to_make_one() -> None:
     assert config.shipped_calibrations()[-1] in text
 
 
-def test_with_none_shipped_the_word_shipped_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_shipped_is_refused_when_none_is_shipped(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(config, "shipped_calibrations", list)
     assert refusal("shipped") == (
         "[vision] calibration = 'shipped': none is shipped; make one with `rig calibrate offsets`"

@@ -24,7 +24,7 @@ LINKS = "reference, setpoint, joint_state, robot_state, platform, frame, angle"
 
 
 def said(path: Path, text: str) -> str:
-    """The error of a file with this text."""
+    """Error of a file with this text."""
     file = path / "mine.toml"
     file.write_text(text)
     with pytest.raises(ConfigError) as error:
@@ -34,7 +34,7 @@ def said(path: Path, text: str) -> str:
 
 
 def said_of_override(override: str) -> str:
-    """The error of --set."""
+    """Error of --set."""
     with pytest.raises(ConfigError) as error:
         config.read_experiment("move", [override])
     return str(error.value)
@@ -206,7 +206,7 @@ def bounded_numbers(
 
 @pytest.mark.parametrize("key", list(bounded_numbers()))
 @pytest.mark.parametrize("value", ["nan", "inf", "-inf"])
-def test_no_number_of_the_file_may_be_endless_or_none(key: str, value: str) -> None:
+def test_every_number_of_the_file_must_be_finite(key: str, value: str) -> None:
     assert said_of_override(f"{key}={value}").startswith(
         f"[{key.rpartition('.')[0]}] {key.rpartition('.')[2]} = {value}: "
     )
@@ -317,7 +317,7 @@ def test_an_override_leaves_everything_else_as_it_was() -> None:
 @pytest.mark.parametrize(
     "text", ["move.time_s", "=1", "time_s=1", "move=1", "move..time_s=1", ".time_s=1", ""]
 )
-def test_an_override_that_is_none_is_answered_with_an_example(text: str) -> None:
+def test_an_override_of_another_form_is_answered_with_an_example(text: str) -> None:
     assert (
         said_of_override(text)
         == f"--set '{text}': must be section.key=value, for example --set move.distance_m=0.1"
@@ -371,7 +371,7 @@ VALUES = st.one_of(
 
 @settings(max_examples=60)
 @given(place=st.sampled_from(PLACES), tail=st.sampled_from(["", "", ".a", "x"]), value=VALUES)
-def test_whatever_stands_in_the_file_it_is_an_experiment_or_an_error_in_words(
+def test_any_content_of_the_file_is_an_experiment_or_an_error_in_words(
     place: str, tail: str, value: str
 ) -> None:
     key = place + tail
@@ -387,7 +387,7 @@ def test_whatever_stands_in_the_file_it_is_an_experiment_or_an_error_in_words(
 
 
 def outcome(override: str) -> Experiment | str:
-    """An experiment, or what is wrong with it."""
+    """Experiment, or the text of its error."""
     try:
         return config.read_experiment("dropouts", [override])
     except ConfigError as error:
