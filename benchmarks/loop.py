@@ -106,7 +106,7 @@ def loop(job: Job, timed: bool) -> tuple[float, dict[str, float]]:
 
 def tracker() -> tuple[float, float]:
     """Median seconds a frame, following and cold, on frames of a load swinging by 20 degrees."""
-    chosen = config.load(
+    chosen = config.read_experiment(
         "free_decay", ["bench.pendulum.initial_swing_rad=0.349", "bench.camera.pitch_deg=0"]
     )
     world = bench.task(prepare(chosen, None, bench.plant(chosen)).settings["bench"])
@@ -137,7 +137,7 @@ def main() -> None:
         ("with camera and log", []),
         ("without camera, with log", ["camera.rate_hz=0"]),
     ):
-        chosen = config.load("move", changes)
+        chosen = config.read_experiment("move", changes)
         job = prepare(chosen, plan_move(chosen), bench.plant(chosen))
         seconds = statistics.median(loop(job, timed=False)[0] for _ in range(REPEATS))
         whole, spent = loop(job, timed=True)

@@ -9,19 +9,26 @@ import resource
 RUNAWAY_US = (1_000_000, 2_000_000)
 
 
-def take_priority(priority: int) -> bool:
+def take_priority(priority: int, *, is_bounded: bool = True) -> bool:
     """Run this thread and those it starts as SCHED_FIFO; return False if not allowed.
 
-    priority: 1..99; 0 leaves the scheduling unchanged. RLIMIT_RTTIME bounds the computing time.
+    priority: 1..99; 0 leaves the scheduling unchanged. is_bounded: RLIMIT_RTTIME ends a process
+    that computes too long; the bound stays until the process exits.
     """
     if priority == 0:
         return False
     try:
-        resource.setrlimit(resource.RLIMIT_RTTIME, RUNAWAY_US)
+        if is_bounded:
+            resource.setrlimit(resource.RLIMIT_RTTIME, RUNAWAY_US)
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
     except (OSError, ValueError):
         return False
     return True
+
+
+def drop_priority() -> None:
+    """Return this thread to ordinary scheduling."""
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 
 def scheduling_of(pid: int) -> str:

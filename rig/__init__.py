@@ -1,4 +1,4 @@
-"""The operator's side in five rooms: ui > studies > run > drives and analysis; the upper import the lower.
+"""The operator's side in five rooms: ui > studies > run > drives and analysis.
 
-Nothing loose but errors.py.
+A room imports rooms to its right only. Outside the rooms there is errors.py alone.
 """

@@ -1,4 +1,4 @@
-"""What the operator's side refuses, with the exit code that says which kind it is."""
+"""Errors of the operator's side, each with an exit code that says which kind it is."""
 
 from __future__ import annotations
 
@@ -14,33 +14,36 @@ EXIT_STATUS = {
 
 
 class RigError(Exception):
-    """Root of everything rig/ raises: a message for the operator, and an exit code."""
+    """Root of the errors of rig/: a message for the operator, and an exit code."""
 
     exit_code = USAGE
 
 
 class ConfigError(RigError):
-    """An experiment file, key or value that cannot be used."""
+    """Experiment file, key or value that cannot be used."""
 
 
 class RenamedKey(UserWarning):
-    """An old name of a key in a file; it still works, and the command line prints a note that names the new one."""
+    """Old name of a key in a file.
+
+    It still works; the command line prints a note that names the new one.
+    """
 
 
 class Refused(RigError):
-    """A preflight check said no; nothing has moved."""
+    """Failed check before a run; nothing has moved."""
 
     exit_code = REFUSED
 
 
 class RunFailed(RigError):
-    """Something broke while the run was under way; the robot was stopped."""
+    """Failure during a run; the robot was stopped."""
 
     exit_code = FAULT
 
 
 class Stopped(RigError):
-    """A run that ended with an exit code of its own and has no result to show."""
+    """Run that ended with an exit code of its own and has no result to show."""
 
     def __init__(self, message: str, exit_code: int) -> None:
         super().__init__(message)

@@ -1,7 +1,7 @@
-"""The keys of a logged experiment that the analysis needs; all other keys are ignored.
+"""Keys of a logged experiment that the analysis needs; all other keys are ignored.
 
-The experiment file is strict and changes with the program. A log of another version stays readable as long as it has
-these keys.
+The experiment file is strict and changes with the program. A log of another version stays readable
+as long as it has these keys.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ class RunFacts(msgspec.Struct, frozen=True, kw_only=True):
 def read_facts(data: bytes, path: Path) -> RunFacts:
     """Read the facts from the `experiment.json` of the log at path.
 
-    Raises LogError naming the key that is missing or is no number, and msgspec.DecodeError for bytes that are no JSON.
+    Raises LogError naming the key that is missing or is not a number, and msgspec.DecodeError for
+    bytes that are not JSON.
     """
     tables = msgspec.json.decode(data)
     length_m = _optional(tables, "model", "length_m")

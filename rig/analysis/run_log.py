@@ -1,4 +1,7 @@
-"""A run's log as arrays: what was planned, commanded, done, seen and (simulated) true, on the run clock in seconds."""
+"""The log of a run as arrays: plan, commanded and actual position, angle, and simulated truth.
+
+Times are seconds on the run clock.
+"""
 
 from __future__ import annotations
 
@@ -20,24 +23,27 @@ from comms.records import CompressedImage, Event, FrameStamp, LinkRow, Receipts,
 from rig.analysis.facts import RunFacts, read_facts
 
 FloatArray = npt.NDArray[np.float64]
-SETTLE_S = 0.30  # after the planned end: the platform lags the plan by about 60 ms
+SETTLE_S = 0.30  # after the planned end; the platform lags the plan by about 60 ms
 
 
 @dataclass(frozen=True)
 class RunLog:
-    """Everything analysis and report need of one run; raises LogError when the file is no run of ours."""
+    """Log of one run; raises LogError for a file that is not the log of a run."""
 
     log: Log
 
     @classmethod
     def open(cls, path: Path) -> RunLog:
-        """Read run.mcap, complete or cut short."""
+        """Read run.mcap, complete or truncated."""
         run = cls(read_log(path))
         for name in ("experiment.json", "plan.json"):
             if name not in run.log.attachments:
-                raise LogError(f"{path}: cut before '{name}': nothing to analyse it by")
+                raise LogError(
+                    f"{path}: has no '{name}'; the analysis needs it: "
+                    "the log was truncated before it, run again"
+                )
         try:
-            _ = run.facts, run.plan, run.world
+            _ = run.facts, run.plan, run.plant_params
         except msgspec.MsgspecError as error:
             raise LogError(
                 f"{path}: an attachment cannot be read ({error}): damaged, or of another version"
@@ -46,82 +52,86 @@ class RunLog:
 
     @property
     def folder(self) -> Path:
-        """Where the log lies."""
+        """Folder of the log."""
         return self.log.path.parent
 
     @cached_property
     def facts(self) -> RunFacts:
-        """The keys of the experiment that the analysis needs. Raises LogError naming one that is missing."""
+        """Keys of the experiment that the analysis needs; raises LogError naming a missing one."""
         return read_facts(self.log.attachments["experiment.json"], self.log.path)
 
     @cached_property
     def plan(self) -> PlanRecord:
-        """The plan as it was played."""
+        """Plan on the grid of the references."""
         return msgspec.json.decode(self.log.attachments["plan.json"], type=PlanRecord)
 
     @cached_property
-    def world(self) -> dict[str, Any]:
-        """The simulated bench's parameters; {} on a real rig."""
-        world: dict[str, Any] = msgspec.json.decode(self.log.attachments.get("bench.json", b"{}"))
-        return world
+    def plant_params(self) -> dict[str, Any]:
+        """Parameters of the simulated plant; {} on a real rig."""
+        data = self.log.attachments.get("bench.json", b"{}")
+        params: dict[str, Any] = msgspec.json.decode(data)
+        return params
 
     @cached_property
     def t_start_s(self) -> float | None:
-        """The instant the start order named; None when the run never started."""
+        """Start of the run as ordered [s]; None when the run never started."""
         starts = [c.t_start_ns for c in self.log.read("/command", Command) if c.verb is Verb.START]
         return starts[0] * 1e-9 if starts else None
 
     @property
     def t_move_s(self) -> float:
-        """Start of the move."""
+        """Start of the move [s]."""
         return (self.t_start_s or 0.0) + self.plan.quiet_s
 
     @property
     def t_settled_s(self) -> float:
-        """The instant residual swing is told for: planned end + 0.30 s."""
+        """Instant of the residual swing [s]: planned end + 0.30 s."""
         return self.t_move_s + self.plan.time_s + SETTLE_S
 
     @cached_property
     def angles(self) -> list[AngleSample]:
-        """Every angle sample, valid or not."""
+        """All angle samples, valid or not."""
         return self.log.read("/angle", AngleSample)
 
     @cached_property
     def swing(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Valid angles: instants [s], angles [rad], sigmas [rad], each (N,)."""
+        """Valid angles: stamps [s], angles [rad], sigmas [rad], each (N,)."""
         rows = [
             (a.t_valid_ns * 1e-9, a.angle_rad, a.sigma_rad)
             for a in self.angles
             if a.angle_rad is not None
         ]
         t, angle, sigma = np.array(rows, dtype=np.float64).reshape(-1, 3).T
-        keep = np.concatenate([[True], np.diff(t) > 0]) if t.size else np.zeros(0, dtype=bool)
+        keep = is_later(t)
         return t[keep], angle[keep], sigma[keep]
 
     @cached_property
     def single_frames(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Angles of single frames, offset removed, not averaged: for peaks, which an average flattens. As swing; t is rough."""
-        frames = math.sqrt(self.facts.average_frames)
-        rows = [
-            (a.t_valid_ns * 1e-9, a.raw_rad - (a.offset_rad or 0.0), (a.sigma_rad or 0.0) * frames)
-            for a in self.angles
-            if a.raw_rad is not None
-        ]
+        """Angles of single frames without offset, for peaks, which an average reduces.
+
+        Stamps [s], angles [rad], sigmas [rad], each (N,). The stamps are those of the average.
+        """
+        sigma_factor = math.sqrt(self.facts.average_frames)
+        rows = []
+        for a in self.angles:
+            if a.raw_rad is not None:
+                angle_rad = a.raw_rad - (a.offset_rad or 0.0)
+                rows.append((a.t_valid_ns * 1e-9, angle_rad, (a.sigma_rad or 0.0) * sigma_factor))
         t, angle, sigma = np.array(rows, dtype=np.float64).reshape(-1, 3).T
         return t, angle, sigma
 
     @property
     def uncounted(self) -> list[str]:
-        """Ends of links whose count never came: "link: task"."""
-        return [
-            line
-            for line in self.log.metadata.get("run.stop", {}).get("uncounted", "").splitlines()
-            if line
-        ]
+        """Ends of links without a count, as "link: task"."""
+        text = self.log.metadata.get("run.stop", {}).get("uncounted", "")
+        return [line for line in text.splitlines() if line]
 
     @cached_property
     def truth(self) -> FloatArray:
-        """(N, 4): instant [s], angle [rad], rate [rad/s], platform x [m]; (0, 4) on a real rig."""
+        """Truth (N, 4); (0, 4) on a real rig.
+
+        Columns: instant [s], angle [rad], rate [rad/s], platform x [m].
+        """
         rows = [
             (t.t_ns * 1e-9, t.angle_rad, t.angular_velocity_rad_s, t.position_m[0])
             for t in self.log.read("/truth", Truth)
@@ -130,7 +140,10 @@ class RunLog:
 
     @cached_property
     def robot(self) -> FloatArray:
-        """(N, 4): instant of sending [s], commanded x [m], instant of measuring [s], actual x [m]."""
+        """Robot states (N, 4).
+
+        Columns: instant of sending [s], commanded x [m], instant of measuring [s], actual x [m].
+        """
         states = self.log.read("/robot_state", RobotState)
         rows = [
             (s.t_ns * 1e-9, s.commanded_m[0], s.t_actual_ns * 1e-9, s.actual_m[0]) for s in states
@@ -138,47 +151,54 @@ class RunLog:
         return np.array(rows, dtype=np.float64).reshape(-1, 4)
 
     def planned_m(self, t_s: FloatArray) -> FloatArray:
-        """Planned x [m] at t_s (N,), at rest before and after."""
+        """Interpolate the planned x [m] at t_s (N,); at rest before and after the plan."""
         x = np.array([p[0] for p in self.plan.positions_m])
         grid = (self.t_start_s or 0.0) + self.plan.period_ns * 1e-9 * np.arange(x.size)
         return np.asarray(np.interp(t_s, grid, x), dtype=np.float64)
 
     def receipts(self, channel: str) -> dict[int, int]:
-        """Sequence number -> arrival [ns] of what was accepted."""
+        """Read the arrivals [ns] of the accepted messages, by sequence number."""
         rows = [row for r in self.log.read(f"/receipts/{channel}", Receipts) for row in r.rows]
         return {seq: t_rx for seq, t_rx, outcome in rows if not outcome}
 
     @cached_property
     def frames(self) -> dict[int, FrameStamp]:
-        """Frames by sequence number."""
+        """Stamps of the frames by sequence number."""
         return {f.seq: f for f in self.log.read("/frame", FrameStamp)}
 
     def references(self) -> list[Reference]:
-        """What the streamer sent."""
+        """Read the references that the streamer sent."""
         return self.log.read("/reference", Reference)
 
     def links(self) -> dict[str, LinkRow]:
-        """The settled ledger."""
+        """Read the settled ledger, by channel."""
         topics = [topic for topic in self.log.topics if topic.startswith("/link/")]
         rows = [row for topic in topics for row in self.log.read(topic, LinkRow)]
         return {row.channel: row for row in rows}
 
     def late_ticks(self) -> dict[str, int]:
-        """Ticks each task skipped."""
+        """Read the number of late ticks of each task."""
         topics = [topic for topic in self.log.topics if topic.startswith("/timing/")]
         rows = [row for topic in topics for row in self.log.read(topic, TaskTiming)]
         return {row.task: row.late_ticks for row in rows}
 
     def events(self) -> list[Event]:
-        """What was worth noting."""
+        """Read the events of the run."""
         return self.log.read("/events", Event)
 
     def pictures(self) -> list[CompressedImage]:
-        """The pictures kept for people."""
+        """Read the pictures in the log."""
         return self.log.read("/camera/image", CompressedImage)
 
     @property
     def true_omega_rad_s(self) -> float | None:
-        """Small-amplitude natural frequency of the simulated load."""
-        load = self.world.get("pendulum")
+        """Small-amplitude natural frequency of the simulated load [rad/s]; None on a real rig."""
+        load = self.plant_params.get("pendulum")
         return math.sqrt(load["gravity_m_s2"] / load["length_m"]) if load else None
+
+
+def is_later(t_s: FloatArray) -> npt.NDArray[np.bool_]:
+    """Mark the stamps (N,) that are later than their predecessor; the first one is."""
+    if not t_s.size:
+        return np.zeros(0, dtype=bool)
+    return np.concatenate([[True], np.diff(t_s) > 0])

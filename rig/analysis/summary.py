@@ -1,4 +1,4 @@
-"""What a run amounts to, in the words of `rig run --json`: every number from the log alone."""
+"""Summary of a run, in the keys of `rig run --json`; every number comes from the log alone."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import msgspec
 
 
 class Quantities(msgspec.Struct, kw_only=True):
-    """The five numbers a run is about; None = not identifiable in this run."""
+    """The five quantities of a run; None = not identifiable in this run."""
 
     peak_swing_rad: float | None = None
     residual_swing_rad: float | None = None
@@ -19,7 +19,7 @@ class Quantities(msgspec.Struct, kw_only=True):
 
 
 class Quantity(NamedTuple):
-    """How one of the numbers is shown to people."""
+    """Title, factor and decimals with which a quantity is shown."""
 
     key: str
     title: str
@@ -27,11 +27,11 @@ class Quantity(NamedTuple):
     digits: int
 
     def plain(self, value: float | None) -> str:
-        """The number alone; empty when there is none."""
+        """Format the value; empty for None."""
         return "" if value is None else f"{value * self.factor:.{self.digits}f}"
 
     def with_sigma(self, value: float | None, sigma: float | None) -> str:
-        """The number with two digits of its uncertainty."""
+        """Format the value with two digits of its standard deviation."""
         if value is None:
             return "not identifiable in this run"
         if sigma is None or not 0 < sigma < math.inf:
@@ -50,34 +50,31 @@ QUANTITIES = (
 
 
 class Planned(msgspec.Struct, kw_only=True):
-    """What the plan promised."""
+    """Swing predicted by the plan."""
 
     peak_swing_rad: float | None = None
     residual_swing_rad: float | None = None
 
 
 class Latency(msgspec.Struct, kw_only=True):
-    """Delays [ms]: plan to platform, and instant of an angle to its arrival at the streamer."""
+    """Delays [ms]."""
 
-    command: float | None = None
-    vision: float | None = None
-    alignment: float | None = (
-        None  # measured swing behind the truth, which a right stamp makes zero
-    )
-    exposure_to_angle_p99: float | None = (
-        None  # end of exposure to arrival, the experiment's own delays included
-    )
+    command: float | None = None  # of the platform behind the plan
+    vision: float | None = None  # from the stamp of an angle to its arrival at the streamer
+    alignment: float | None = None  # of the measured swing behind the truth; zero for true stamps
+    # from end of exposure to arrival of the angle, with the delays of the experiment's links
+    exposure_to_angle_p99: float | None = None
 
 
 class SwingError(msgspec.Struct, kw_only=True):
-    """Rms of measured minus true angle at t_valid, no delay fitted [rad]."""
+    """Rms of measured minus true angle at t_valid [rad]; no delay is fitted."""
 
     during_move_rad: float | None = None
     outside_move_rad: float | None = None
 
 
 class Lateness(msgspec.Struct, kw_only=True):
-    """How the clock was kept: references accepted after their target, ticks skipped."""
+    """Late references and late ticks."""
 
     references: int = 0  # accepted
     references_late: int = 0  # accepted more than 30 ms after t_target
@@ -87,7 +84,7 @@ class Lateness(msgspec.Struct, kw_only=True):
 
 
 class LinkSummary(msgspec.Struct, kw_only=True):
-    """A row of the ledger: sent = delivered + lost + rejected."""
+    """Row of the ledger: sent = delivered + lost + rejected + unexplained."""
 
     sent: int
     delivered: int
@@ -102,7 +99,7 @@ class LinkSummary(msgspec.Struct, kw_only=True):
 
 
 class Summary(msgspec.Struct, kw_only=True):
-    """A whole run."""
+    """Summary of a run."""
 
     run_id: str
     run_dir: str
@@ -131,15 +128,13 @@ class Summary(msgspec.Struct, kw_only=True):
     swing_fit_rms_rad: float | None = None
     complete: bool = True
     loop_s: float | None = None
-    cpu_share: dict[
-        str, float
-    ] = {}  # of one core, by process, while the run was under way; wall mode only
+    cpu_share: dict[str, float] = {}  # of one core, by process, during the run; wall mode only
     scheduling: dict[str, str] = {}  # fifo or other, by task; wall mode only
     events: list[str] = []
 
     @property
     def headline(self) -> str:
-        """What was done, in a line."""
+        """One-line description of the run."""
         if self.move_time_s == 0:
-            return f"{self.experiment}: watched, nothing moved"
+            return f"{self.experiment}: watched, no move"
         return f"{self.experiment}: {self.planner}, {self.move_m:g} m in {self.move_time_s:g} s"

@@ -1,7 +1,7 @@
-"""The experiment file: TOML in, one validated Experiment out; a wrong key or value is named with its bound.
+"""The experiment file: TOML in, one validated Experiment out.
 
-`[model]` is what the planner believes. `[bench.*]` is what the simulated world is; it is read by
-rig/run/runtime/bench.py alone.
+An error names section, key, value and bound. `[model]` is the planner's model of the load.
+`[bench.*]` holds the parameters of the simulated plant; rig/run/runtime/bench.py alone reads them.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Name = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_\-]{1,60}$")]
 
 
 class ExperimentSection(Section, frozen=True, kw_only=True):
-    """`[experiment]`: what is run, with which planner, and how long it is watched."""
+    """`[experiment]`: name and kind of the run, planner, quiet and watched time."""
 
     name: Name
     kind: Literal["move", "free_decay"] = "move"
@@ -39,28 +39,30 @@ class ExperimentSection(Section, frozen=True, kw_only=True):
 
 
 class MoveSection(Section, frozen=True, kw_only=True):
-    """`[move]`: rest to rest along one axis, or through the points of a file along three."""
+    """`[move]`: move from rest to rest along one axis, or through the points of a file."""
 
     axis: Literal["x"] = "x"
     start_m: Place = 0.0
     distance_m: Place = 0.2
-    time_s: Annotated[float, Meta(gt=0, le=600)] = (
-        1.5  # with waypoints: of all, unless the file has t_s
-    )
-    waypoints: str = ""  # CSV file with x_m and if wanted t_s, y_m, z_m; a relative path starts at the experiment file
+    # duration; with waypoints: of the whole path, unless the file has t_s
+    time_s: Annotated[float, Meta(gt=0, le=600)] = 1.5
+    # CSV file with x_m and optionally t_s, y_m, z_m; a relative path starts at the experiment file
+    waypoints: str = ""
     spline: str = "b_spline_5"  # through the waypoints
-    allocation: Literal["root", "proportional", "equal"] = (
-        "root"  # of the time between waypoints without t_s
-    )
+    # distribution of time_s over the intervals between waypoints without t_s
+    allocation: Literal["root", "proportional", "equal"] = "root"
 
 
 class ModelSection(Section, frozen=True, kw_only=True):
-    """`[model]`: the planner's belief: a cable, or with `links` a chain; masses matter to the force model and to chains."""
+    """`[model]`: the planner's model of the load: a cable, or with `links` a chain.
 
-    length_m: Annotated[float, Meta(gt=0, le=100)] | None = None  # of the cable, 1 m unless told
-    links: list[
-        str
-    ] = []  # instead of the cable: from the platform down, each "length:mass:kind" in m and kg, kind bar or point
+    The masses enter the force model and the chain only.
+    """
+
+    length_m: Annotated[float, Meta(gt=0, le=100)] | None = None  # of the cable; None = 1 m
+    # chain instead of the cable, from the platform down: "length:mass:kind" in m and kg, kind bar
+    # or point
+    links: list[str] = []
     stiffness_n_m_rad: list[NotNegative] = []  # of each joint between links
     joint_damping_n_m_s_rad: list[NotNegative] = []
     tip_mass_kg: NotNegative = 0.0
@@ -71,7 +73,7 @@ class ModelSection(Section, frozen=True, kw_only=True):
 
     @property
     def cable_m(self) -> float:
-        """Length of the cable when the load hangs on one."""
+        """Length of the cable [m]; 1 m where none is given."""
         return 1.0 if self.length_m is None else self.length_m
 
 
@@ -79,41 +81,42 @@ class PlanSection(Section, frozen=True, kw_only=True):
     """`[plan]`: options of the planner."""
 
     input: Literal["acceleration", "force", "jerk"] = "acceleration"
-    nonlinear: bool = False  # plan for the true pendulum instead of its small swings
-    robust: list[str] = []  # parameters whose error the plan should forgive
+    nonlinear: bool = False  # plan with the nonlinear pendulum, not with its linearisation
+    robust: list[str] = []  # parameters to whose error the end state has zero sensitivity
     law: str = "harmonic"
-    state_weights: dict[
-        str, NotNegative
-    ] = {}  # Q's diagonal, by the model's states, e.g. { speed_m_s = 1.0 }
+    # diagonal of Q, by state of the model, e.g. { speed_m_s = 1.0 }
+    state_weights: dict[str, NotNegative] = {}
     input_weight: Positive = 1.0  # R
 
 
 class LimitsSection(Section, frozen=True, kw_only=True):
-    """`[limits]`: what a plan may ask of the robot."""
+    """`[limits]`: largest speed and acceleration of a plan."""
 
     speed_m_s: Positive = 1.0
     acceleration_m_s2: Positive = 5.0
 
 
 class SafetySection(Section, frozen=True, kw_only=True):
-    """`[safety]`: checked on every reference; speed and acceleration default to 1.1 x limits."""
+    """`[safety]`: bounds on every reference, and ages at which data are stale.
+
+    speed_m_s and acceleration_m_s2 default to 1.1 times [limits].
+    """
 
     position_min_m: Place = -0.25  # along X
     position_max_m: Place = 0.25
-    depth_m: Annotated[float, Meta(ge=0, le=10)] = 0.25  # how far Y may leave 0
-    height_m: Annotated[float, Meta(ge=0, le=10)] = 0.1  # and Z
+    depth_m: Annotated[float, Meta(ge=0, le=10)] = 0.25  # bound on |y|
+    height_m: Annotated[float, Meta(ge=0, le=10)] = 0.1  # bound on |z|
     speed_m_s: Positive | None = None
     acceleration_m_s2: Positive | None = None
     reference_stale_ms: Annotated[float, Meta(ge=30, le=60_000)] = 300.0
     robot_stale_ms: Annotated[float, Meta(ge=20, le=60_000)] = 100.0
     angle_stale_ms: Annotated[float, Meta(ge=100, le=60_000)] = 300.0
-    initial_swing_rad: Annotated[float, Meta(ge=0, le=1.6)] = (
-        0.01  # a load swinging more before the start is refused
-    )
+    # largest amplitude of the load before the move; a run with more is refused
+    initial_swing_rad: Annotated[float, Meta(ge=0, le=1.6)] = 0.01
 
 
 class CameraSection(Section, frozen=True, kw_only=True):
-    """`[camera]`: facts shared by both sides; rate_hz = 0 runs without a camera."""
+    """`[camera]`: size and rate of the pictures; rate_hz = 0 runs without a camera."""
 
     width: Annotated[int, Meta(ge=64, le=4096)] = 640
     height: Annotated[int, Meta(ge=64, le=4096)] = 480
@@ -121,30 +124,33 @@ class CameraSection(Section, frozen=True, kw_only=True):
 
 
 class VisionSection(Section, frozen=True, kw_only=True):
-    """`[vision]`: the tracker's settings; calibration = a file, "shipped", or "none" (rough_* are used then)."""
+    """`[vision]`: settings of the tracker.
+
+    calibration: a file, "shipped", or "none" (rough_* are used then).
+    """
 
     calibration: str = "shipped"
     average_frames: Annotated[int, Meta(ge=1, le=50)] = 3
     processing_ms: Annotated[float, Meta(ge=0, le=1000)] = 2.0
-    rough_pivot_px: tuple[Pixel, Pixel] = (321.0, -38.0)  # by eye, before any calibration
+    rough_pivot_px: tuple[Pixel, Pixel] = (321.0, -38.0)  # estimated without calibration
     rough_pixels_per_m: Positive = 1005.0
 
 
 class NetworkSection(Section, frozen=True, kw_only=True):
-    """`[network]`: base_port = 0 takes free ports."""
+    """`[network]`: address and first port; base_port = 0 takes free ports."""
 
     base_port: Annotated[int, Meta(ge=0, le=65_000)] = 0
     bind: str = "127.0.0.1"
 
 
 class RecordSection(Section, frozen=True, kw_only=True):
-    """`[record]`: pictures a second in the log."""
+    """`[record]`: rate of the pictures in the log."""
 
     pictures_hz: Annotated[float, Meta(ge=0, le=50)] = 2.0
 
 
 class BenchSection(Section, frozen=True, kw_only=True):
-    """`[bench]`: the world's tables are only checked by the one who builds it."""
+    """`[bench]`: kind of plant; its tables are checked where the plant is built."""
 
     kind: Literal["simulated", "external"] = "simulated"
     pendulum: dict[str, Any] = {}
@@ -153,7 +159,7 @@ class BenchSection(Section, frozen=True, kw_only=True):
 
 
 class Experiment(Section, frozen=True, kw_only=True):
-    """A whole experiment file."""
+    """Contents of an experiment file."""
 
     experiment: ExperimentSection
     move: MoveSection = MoveSection()
@@ -169,36 +175,32 @@ class Experiment(Section, frozen=True, kw_only=True):
     bench: BenchSection = BenchSection()
 
     @property
-    def moves(self) -> bool:
-        """Whether the platform is to move at all."""
+    def has_move(self) -> bool:
+        """True when the platform moves in this run."""
         return self.experiment.kind == "move"
 
 
 def shipped() -> list[str]:
-    """Names of the experiments that come with the program."""
-    return sorted(
-        p.name.removesuffix(".toml")
-        for p in _folder("experiments").iterdir()
-        if p.name.endswith(".toml")
-    )
+    """List the names of the experiments that come with the program."""
+    return sorted(name.removesuffix(".toml") for name in _toml_files("experiments"))
 
 
 def shipped_calibrations() -> list[str]:
-    """File names of the calibrations that come with the program, oldest first."""
-    return sorted(p.name for p in _folder("calibration").iterdir() if p.name.endswith(".toml"))
+    """List the files of the calibrations that come with the program, oldest first."""
+    return _toml_files("calibration")
 
 
 def read_shipped_calibration(name: str) -> dict[str, Any]:
-    """A calibration that comes with the program."""
+    """Read the tables of a calibration that comes with the program."""
     return tomllib.loads((_folder("calibration") / name).read_text())
 
 
-def load(name_or_path: str, overrides: list[str]) -> Experiment:
-    """The experiment of a shipped name or a TOML file, with `section.key=value` overrides.
+def read_experiment(name_or_path: str, overrides: list[str]) -> Experiment:
+    """Read an experiment by shipped name or TOML file, with `section.key=value` overrides.
 
     Raises ConfigError naming section, key, value, bound and the nearest known key.
     """
-    tables = _read(name_or_path)
+    tables = _read_tables(name_or_path)
     for text in overrides:
         override(tables, text)
     _check_links(tables.get("links"))
@@ -211,8 +213,10 @@ def load(name_or_path: str, overrides: list[str]) -> Experiment:
 
 
 def _check_links(links: Any) -> None:
-    """What the types cannot say: a link is a channel. A `links` that is no table is left to them."""
-    for name, faults in links.items() if isinstance(links, dict) else ():
+    """Check that each link is a channel; a `links` that is not a table is left to convert()."""
+    if not isinstance(links, dict):
+        return
+    for name, faults in links.items():
         if name not in DATA:
             raise ConfigError(
                 f"[links.{name}]: no such link{nearest(name, DATA)}; links: {', '.join(DATA)}"
@@ -224,13 +228,19 @@ def _folder(name: str) -> Any:
     return resources.files("rig.run") / name
 
 
-def _read(name_or_path: str) -> dict[str, Any]:
+def _toml_files(folder: str) -> list[str]:
+    names = [file.name for file in _folder(folder).iterdir()]
+    return sorted(name for name in names if name.endswith(".toml"))
+
+
+def _read_tables(name_or_path: str) -> dict[str, Any]:
     path = Path(name_or_path)
-    if name_or_path in shipped():
+    known = shipped()
+    if name_or_path in known:
         return tomllib.loads((_folder("experiments") / f"{name_or_path}.toml").read_text())
     if path.is_file():
         return read_toml(path, "experiment")
     raise ConfigError(
-        f"experiment '{name_or_path}': no such file and not a shipped experiment{nearest(name_or_path, shipped())}; "
-        f"shipped: {', '.join(shipped())}"
+        f"experiment '{name_or_path}': no such file and not a shipped experiment"
+        f"{nearest(name_or_path, known)}; shipped: {', '.join(known)}"
     )

@@ -1,4 +1,4 @@
-"""Whether this machine can run experiments: each check says what it found, the bound, and what to do."""
+"""Checks of the machine before a run: each finding has its value, its bound and the next step."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from comms.errors import CommsError
 from comms.udp import UdpReceiver, port_is_free, receive_buffer_bytes
 from rig.run.config import NetworkSection, shipped_calibrations
 from rig.run.runtime.children import PROCESSES
-from rig.run.runtime.processes import BUS_PORTS, channel_ports
+from rig.run.runtime.ports import BUS_PORTS, channel_ports
 
 ROOMS = ("comms", "planners", "vision", "sim_rig", "rig")
 NEEDED = {
@@ -33,11 +33,14 @@ NEEDED = {
 }
 MIN_FREE_BYTES = 500_000_000  # a run takes 5 MB; a disk this full fails soon
 TIMER_PERIOD_NS, TIMER_TICKS = 5_000_000, 200
-TIMER_BOUND_MS = 2.0  # p99; above it setpoints come in visibly uneven
+MAX_TIMER_LATENESS_MS = 2.0  # p99; above it the intervals of the setpoints vary visibly
 
 
 class Finding(NamedTuple):
-    """One finding: status is ok, warning (runs, perhaps not well) or failed (would not run)."""
+    """Result of one check.
+
+    status: ok, warning (a run works, perhaps with late ticks) or failed (a run would not start).
+    """
 
     name: str
     status: str
@@ -46,7 +49,7 @@ class Finding(NamedTuple):
 
 
 def examine(runs: Path, network: NetworkSection) -> list[Finding]:
-    """All checks; takes about one second for the timer."""
+    """Run all checks; takes about one second, for the timer."""
     return [
         _python(),
         *(_package(name, major) for name, major in NEEDED.items()),
@@ -71,32 +74,32 @@ def _package(name: str, major: int) -> Finding:
         found = version(name)
     except PackageNotFoundError:
         return Finding(name, "failed", "not installed", "run `make setup`")
-    good = int(found.split(".")[0]) >= major
-    return Finding(
-        name,
-        "ok" if good else "failed",
-        found,
-        "" if good else f"need >= {major}: run `make setup`",
-    )
+    if int(found.split(".")[0]) >= major:
+        return Finding(name, "ok", found)
+    return Finding(name, "failed", found, f"need >= {major}: run `make setup`")
 
 
 def _room(name: str) -> Finding:
-    """The names are generic: another distribution's `vision` on the path would be run instead of ours."""
+    """Check that a package is the one of this project.
+
+    The names are generic: a package `vision` of another distribution, earlier on the path, would
+    be run instead.
+    """
     spec = importlib.util.find_spec(name)
-    where = Path(spec.origin).resolve().parent if spec and spec.origin else None
-    home = Path(__file__).resolve().parents[2]
-    if where is None:
+    if spec is None or not spec.origin:
         return Finding(f"package {name}", "failed", "not found", "run `make setup`")
-    ours = where.parent == home and _distributed()
+    folder = Path(spec.origin).resolve().parent
+    home = Path(__file__).resolve().parents[2]
+    if folder.parent == home and _is_installed():
+        return Finding(f"package {name}", "ok", str(folder))
     advice = (
-        ""
-        if ours
-        else f"another package of this name is in front of ours in {home}: use the project's own environment"
+        f"another package of this name precedes the one in {home}: "
+        "use the project's own environment"
     )
-    return Finding(f"package {name}", "ok" if ours else "failed", str(where), advice)
+    return Finding(f"package {name}", "failed", str(folder), advice)
 
 
-def _distributed() -> bool:
+def _is_installed() -> bool:
     try:
         distribution("swayless")
     except PackageNotFoundError:
@@ -106,12 +109,10 @@ def _distributed() -> bool:
 
 def _calibration() -> Finding:
     known = shipped_calibrations()
-    return (
-        Finding("calibration", "ok", known[-1])
-        if known
-        else Finding(
-            "calibration", "warning", "none shipped", "make one with `rig calibrate offsets`"
-        )
+    if known:
+        return Finding("calibration", "ok", known[-1])
+    return Finding(
+        "calibration", "warning", "none shipped", "make one with `rig calibrate offsets`"
     )
 
 
@@ -125,29 +126,20 @@ def _disk(runs: Path) -> Finding:
             "name another folder with --runs",
         )
     free = shutil.disk_usage(where).free
-    good = free >= MIN_FREE_BYTES
-    advice = "" if good else f"need {MIN_FREE_BYTES / 1e6:.0f} MB: remove old runs"
-    return Finding(
-        "disk", "ok" if good else "failed", f"{free / 1e9:.1f} GB free for {runs}", advice
-    )
+    found = f"{free / 1e9:.1f} GB free for {runs}"
+    if free >= MIN_FREE_BYTES:
+        return Finding("disk", "ok", found)
+    advice = f"need {MIN_FREE_BYTES / 1e6:.0f} MB: remove old runs"
+    return Finding("disk", "failed", found, advice)
 
 
 def _ports(network: NetworkSection) -> Finding:
+    if network.base_port == 0:
+        return _free_port(network.bind)
     base = network.base_port
-    if base == 0:
-        try:
-            receiver = UdpReceiver(network.bind, 0, "doctor")
-        except (CommsError, OSError) as error:
-            return Finding(
-                "ports", "failed", str(error), f"can {network.bind} be bound on this machine?"
-            )
-        receiver.close()
-        return Finding("ports", "ok", f"free ports on {network.bind}")
-    wanted = [(base + i, False) for i in range(BUS_PORTS)]
-    wanted += [
-        (port, CHANNELS[name].transport is Transport.UDP)
-        for name, port in channel_ports(network.bind, base).items()
-    ]
+    wanted = [(base + i, False) for i in range(BUS_PORTS)]  # port, is UDP
+    for name, port in channel_ports(network.bind, base).items():
+        wanted.append((port, CHANNELS[name].transport is Transport.UDP))
     taken = [str(port) for port, udp in wanted if not port_is_free(network.bind, port, udp)]
     if taken:
         return Finding(
@@ -159,9 +151,18 @@ def _ports(network: NetworkSection) -> Finding:
     return Finding("ports", "ok", f"{base} to {base + len(wanted) - 1} on {network.bind} are free")
 
 
+def _free_port(host: str) -> Finding:
+    try:
+        receiver = UdpReceiver(host, 0, "doctor")
+    except (CommsError, OSError) as error:
+        return Finding("ports", "failed", str(error), f"can {host} be bound on this machine?")
+    receiver.close()
+    return Finding("ports", "ok", f"free ports on {host}")
+
+
 def _receive_buffer(host: str) -> Finding:
     found = receive_buffer_bytes(host)
-    good = found >= 100_000  # a second of our busiest channel
+    good = found >= 100_000  # one second of the busiest channel
     return Finding(
         "UDP receive buffer",
         "ok" if good else "warning",
@@ -172,22 +173,22 @@ def _receive_buffer(host: str) -> Finding:
 
 def _cores() -> Finding:
     cores = len(os.sched_getaffinity(0))
-    advice = (
-        ""
-        if cores >= 2
-        else f"{len(PROCESSES)} tasks and the operator share one core: expect late ticks"
-    )
-    return Finding("cores", "ok" if cores >= 2 else "warning", str(cores), advice)
+    if cores >= 2:
+        return Finding("cores", "ok", str(cores))
+    advice = f"{len(PROCESSES)} tasks and the operator share one core: expect late ticks"
+    return Finding("cores", "warning", str(cores), advice)
 
 
 def _timer() -> Finding:
     late_ms = np.array(timer_lateness_ns(TIMER_PERIOD_NS, TIMER_TICKS)) * 1e-6
     p99 = float(np.percentile(late_ms, 99))
-    good = p99 <= TIMER_BOUND_MS
-    advice = (
-        ""
-        if good
-        else f"p99 should be <= {TIMER_BOUND_MS:g} ms: this machine is busy; expect late ticks"
+    found = (
+        f"a 5 ms tick is late by {np.median(late_ms):.2f} ms (median), {p99:.2f} (p99), "
+        f"{late_ms.max():.2f} (worst)"
     )
-    found = f"a 5 ms tick is late by {np.median(late_ms):.2f} ms (median), {p99:.2f} (p99), {late_ms.max():.2f} (worst)"
-    return Finding("timer", "ok" if good else "warning", found, advice)
+    if p99 <= MAX_TIMER_LATENESS_MS:
+        return Finding("timer", "ok", found)
+    advice = (
+        f"p99 should be <= {MAX_TIMER_LATENESS_MS:g} ms: this machine is busy; expect late ticks"
+    )
+    return Finding("timer", "warning", found, advice)

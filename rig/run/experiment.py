@@ -1,4 +1,4 @@
-"""The path of a run, from the experiment file to the report; everything else is a detail of one of its lines."""
+"""The path of a run, from the experiment to the log: plan, check, show, run and record."""
 
 from __future__ import annotations
 
@@ -19,8 +19,11 @@ from rig.run.runtime import bench
 from rig.run.runtime.execute import ClockMode, Progress, RunOutcome, execute
 
 
-class Ran(NamedTuple):
-    """What is left of a run: its folder, how it ended, and its loss-free twin's folder when links lost packets."""
+class FinishedRun(NamedTuple):
+    """Folder and outcome of a run.
+
+    twin: folder of the same run without losses, None where no link had any.
+    """
 
     folder: Path
     outcome: RunOutcome
@@ -34,37 +37,31 @@ def run(
     progress: Progress,
     before: Callable[[Job, Plan | None], None],
     motion: Motion | None = None,
-) -> Ran:
-    """Plan, check, show, run and record. before sees the job when nothing has moved yet.
+) -> FinishedRun:
+    """Plan, check, show, run and record; `before` is called with the job before anything moves.
 
     Raises ConfigError or Refused when the run must not start; the folder exists only once it may.
     """
-    plan = plan_move(experiment, stopwatch_s)  # belief -> motion
-    job = prepare(
-        experiment, plan, bench.plant(experiment), motion
-    )  # limits, workspace, envelope; what each task is told
+    plan = plan_move(experiment, stopwatch_s)  # model of the load -> motion
+    # checks of limits, workspace and envelope; settings of each task
+    job = prepare(experiment, plan, bench.plant(experiment), motion)
     before(job, plan)
     folder = runs.new_folder(runs_folder, experiment.experiment.name, mode, utc_now())
     outcome = execute(job, mode, folder, progress)  # streamer, controller, bench, vision, recorder
-    return Ran(folder, outcome, _twin(job, folder, progress) if outcome.exit_code == 0 else None)
+    twin = _run_twin(job, folder, progress) if outcome.exit_code == 0 else None
+    return FinishedRun(folder, outcome, twin)
 
 
-def _twin(job: Job, folder: Path, progress: Progress) -> Path | None:
-    """The same run in virtual time with every link whole, for comparison; None when no link loses anything."""
+def _run_twin(job: Job, folder: Path, progress: Progress) -> Path | None:
+    """Repeat the run in virtual time without losses, for comparison; None where no link has any."""
     links = job.experiment.links
     if not any(faults.loss for faults in links.values()):
         return None
-    whole: dict[str, LinkFaults] = {
+    lossless: dict[str, LinkFaults] = {
         name: msgspec.structs.replace(faults, loss=0.0) for name, faults in links.items()
     }
+    experiment = msgspec.structs.replace(job.experiment, links=lossless)
     twin = folder / "twin"
     twin.mkdir()
-    execute(
-        msgspec.structs.replace(
-            job, experiment=msgspec.structs.replace(job.experiment, links=whole)
-        ),
-        "virtual",
-        twin,
-        progress,
-    )
+    execute(msgspec.structs.replace(job, experiment=experiment), "virtual", twin, progress)
     return twin

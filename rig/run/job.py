@@ -1,4 +1,4 @@
-"""What a run amounts to before anything starts: the plan on the grid, what each task is told, and the preflight checks."""
+"""The job of a run: plan on the 10 ms grid, settings of each task, and checks before the start."""
 
 from __future__ import annotations
 
@@ -19,61 +19,62 @@ from planners.trajectories.motion import Motion
 from rig.errors import ConfigError, Refused
 from rig.run.calibration import file as calibration_file
 from rig.run.config import Experiment
-from rig.run.load_model import load_model
+from rig.run.load_model import planner_model
 from rig.run.tasks.controller.task import ControllerSettings
 from rig.run.tasks.safety import Envelope, Gate
 from rig.run.tasks.streamer import PERIOD_NS, StreamerSettings
 from rig.run.waypoints import plan_through, read_waypoints
 from vision.task import VisionSettings
 
-MARGIN = 1.1  # of the plan's limits, where [safety] names no own
-DEFAULT_RATE_HZ = 50.0  # what an idle vision task is told in a run without a camera
+SAFETY_FACTOR = 1.1  # times the limits of the plan, where [safety] has no bound
+IDLE_CAMERA_RATE_HZ = 50.0  # setting of the idle vision task in a run without a camera
 
 
 class Job(msgspec.Struct, frozen=True, kw_only=True):
-    """Everything a runner needs."""
+    """Input of a runner."""
 
     experiment: Experiment
     plan: PlanRecord
     calibration_name: str
     calibration: calibration_file.Calibration | None
-    settings: dict[str, Any]  # task name -> what it is told
+    settings: dict[str, Any]  # by task name
 
     def attachments(self) -> dict[str, bytes]:
-        """Files that travel inside the log."""
+        """Encode the files attached to the log."""
         encode = msgspec.json.encode
+        calibration = b""
+        if self.calibration:
+            calibration = calibration_file.text(self.calibration).encode()
         return {
             "experiment.json": encode(self.experiment),
             "plan.json": encode(self.plan),
             "bench.json": encode(self.settings["bench"]),
             "vision.json": encode(self.settings["vision"]),
-            "calibration.toml": calibration_file.text(self.calibration).encode()
-            if self.calibration
-            else b"",
+            "calibration.toml": calibration,
         }
 
 
 class Plant(NamedTuple):
-    """The plant of a run as the preflight checks see it: settings of its task, and number of links of its load."""
+    """Plant of a run: settings of its task, and number of links of its load."""
 
     settings: Any
     links: int
 
 
 def plan_move(experiment: Experiment, timer: Any = None) -> Plan | None:
-    """The planner's answer, None when nothing is to move. Raises ConfigError for a problem that has none."""
+    """Plan the move, None without one. Raises ConfigError for a problem without a plan."""
     e = experiment
-    if not e.moves:
+    if not e.has_move:
         return None
     try:
         if e.move.waypoints:
-            return plan_through(e, read_waypoints(Path(e.move.waypoints)), load_model(e))
+            return plan_through(e, read_waypoints(Path(e.move.waypoints)), planner_model(e))
         problem = Problem(
             start_m=e.move.start_m,
             distance_m=e.move.distance_m,
             time_s=e.move.time_s,
             axis=e.move.axis,
-            model=load_model(e),
+            model=planner_model(e),
             input=e.plan.input,
             nonlinear=e.plan.nonlinear,
             law=e.plan.law,
@@ -92,17 +93,19 @@ def plan_move(experiment: Experiment, timer: Any = None) -> Plan | None:
 def prepare(
     experiment: Experiment, plan: Plan | None, plant: Plant, motion: Motion | None = None
 ) -> Job:
-    """What each task is told. motion replaces the plan's (a calibration goes from point to point).
+    """Check the plan and compose the settings of each task.
 
-    Raises Refused when limits, workspace or envelope would be left; nothing has started then.
+    motion replaces that of the plan (for the calibration tour). Raises Refused when the plan
+    exceeds limits, workspace or envelope; nothing has started then.
     """
     if plan is not None and plan.reasons:
-        raise Refused(f"the plan leaves [limits]: {'; '.join(plan.reasons)}")
-    links = load_model(experiment).links_count
+        raise Refused(f"the plan exceeds [limits]: {'; '.join(plan.reasons)}")
+    links = planner_model(experiment).links_count
     if links != plant.links:
         raise Refused(
-            f"[model] links names {links} links, [bench.pendulum] hangs on {plant.links}; both must have as many: "
-            "look at the plan with `rig plan --links`, or believe in a cable (length_m)"
+            f"[model] has {links} links, [bench.pendulum] has {plant.links}; "
+            "the numbers must be equal: "
+            "show the plan with `rig plan --links`, or model the load as a cable (length_m)"
         )
     record = _record(experiment, plan, motion or (plan.motion if plan else None))
     envelope = _envelope(experiment)
@@ -114,8 +117,8 @@ def prepare(
             reference_stale_ns=round(experiment.safety.reference_stale_ms * MS),
             robot_stale_ns=round(experiment.safety.robot_stale_ms * MS),
         ),
-        "vision": _vision(experiment, calibration),
-        "streamer": _streamer(experiment, record, envelope),
+        "vision": _vision_settings(experiment, calibration),
+        "streamer": _streamer_settings(experiment, record, envelope),
     }
     return Job(
         experiment=experiment,
@@ -131,14 +134,18 @@ def _record(experiment: Experiment, plan: Plan | None, motion: Motion | None) ->
     time_s = motion.duration_s if motion else 0.0
     ticks = math.ceil((e.quiet_s + time_s) / (PERIOD_NS * 1e-9)) + 1
     t_s = np.arange(ticks) * (PERIOD_NS * 1e-9) - e.quiet_s
-    places = motion.at(t_s) if motion else np.tile([experiment.move.start_m, 0.0, 0.0], (1, 1))
+    if motion:
+        positions = motion.at(t_s)
+    else:
+        positions = np.tile([experiment.move.start_m, 0.0, 0.0], (1, 1))
+    planner = e.planner if motion else "none"
     return PlanRecord(
-        planner=plan.planner if plan else e.planner if motion else "none",
+        planner=plan.planner if plan else planner,
         distance_m=plan.problem.distance_m if plan else 0.0,
         time_s=time_s,
         quiet_s=e.quiet_s,
         watch_s=e.watch_s,
-        positions_m=[(float(x), float(y), float(z)) for x, y, z in places],
+        positions_m=[(float(x), float(y), float(z)) for x, y, z in positions],
         metrics=_metrics(plan),
         period_ns=PERIOD_NS,
     )
@@ -151,18 +158,20 @@ def _metrics(plan: Plan | None) -> dict[str, float | bool] | None:
 
 
 def _envelope(experiment: Experiment) -> Envelope:
-    s, limits = experiment.safety, experiment.limits
+    s = experiment.safety
+    limits = experiment.limits
     if s.position_min_m >= s.position_max_m:
         raise ConfigError(
-            f"[safety] position_min_m = {s.position_min_m}; must be < position_max_m = {s.position_max_m}"
+            f"[safety] position_min_m = {s.position_min_m}; "
+            f"must be < position_max_m = {s.position_max_m}"
         )
     return Envelope(
         position_min_m=s.position_min_m,
         position_max_m=s.position_max_m,
         depth_m=s.depth_m,
         height_m=s.height_m,
-        speed_m_s=s.speed_m_s or MARGIN * limits.speed_m_s,
-        acceleration_m_s2=s.acceleration_m_s2 or MARGIN * limits.acceleration_m_s2,
+        speed_m_s=s.speed_m_s or SAFETY_FACTOR * limits.speed_m_s,
+        acceleration_m_s2=s.acceleration_m_s2 or SAFETY_FACTOR * limits.acceleration_m_s2,
     )
 
 
@@ -173,18 +182,19 @@ def _check_envelope(record: PlanRecord, envelope: Envelope) -> None:
         if refusal is not None:
             at_s = k * PERIOD_NS * 1e-9 - record.quiet_s
             raise Refused(
-                f"the plan leaves the [safety] envelope {at_s:.2f} s into the move: {refusal}; shorten or slow it"
+                f"the plan leaves the [safety] envelope {at_s:.2f} s into the move: {refusal}; "
+                "shorten or slow it"
             )
 
 
-def _vision(
+def _vision_settings(
     experiment: Experiment, calibration: calibration_file.Calibration | None
 ) -> VisionSettings:
     v = experiment.vision
     return VisionSettings(
         width=experiment.camera.width,
         height=experiment.camera.height,
-        period_ns=round(1e9 / (experiment.camera.rate_hz or DEFAULT_RATE_HZ)),
+        period_ns=round(1e9 / (experiment.camera.rate_hz or IDLE_CAMERA_RATE_HZ)),
         average_frames=v.average_frames,
         processing_ns=round(v.processing_ms * MS),
         pivot_home_px=calibration.pivot_home_px if calibration else v.rough_pivot_px,
@@ -194,18 +204,21 @@ def _vision(
     )
 
 
-def _streamer(experiment: Experiment, record: PlanRecord, envelope: Envelope) -> StreamerSettings:
+def _streamer_settings(
+    experiment: Experiment, record: PlanRecord, envelope: Envelope
+) -> StreamerSettings:
     tick_s = PERIOD_NS * 1e-9
     first = math.ceil(record.quiet_s / tick_s)
     last = math.ceil((record.quiet_s + record.time_s) / tick_s)
+    angle_stale_ns = 0
+    if experiment.camera.rate_hz > 0:
+        angle_stale_ns = round(experiment.safety.angle_stale_ms * MS)
     return StreamerSettings(
         positions_m=record.positions_m,
         move_ticks=(first, last) if record.time_s else (0, 0),
         envelope=envelope,
-        angle_stale_ns=round(experiment.safety.angle_stale_ms * MS)
-        if experiment.camera.rate_hz > 0
-        else 0,
+        angle_stale_ns=angle_stale_ns,
         robot_stale_ns=round(experiment.safety.robot_stale_ms * MS),
-        natural_frequency_rad_s=load_model(experiment).natural_frequency_rad_s,
+        natural_frequency_rad_s=planner_model(experiment).natural_frequency_rad_s,
         initial_swing_rad=experiment.safety.initial_swing_rad,
     )

@@ -9,33 +9,41 @@ from planners.models.pendulum import PendulumModel
 from rig.errors import ConfigError
 from rig.run.config import Experiment, ModelSection
 
+CHAIN_KEYS = ("stiffness_n_m_rad", "joint_damping_n_m_s_rad", "tip_mass_kg")  # need links
 
-def load_model(experiment: Experiment) -> Model:
-    """`[model]`: the load as the planner sees it. Raises ConfigError for one that cannot be."""
+
+def planner_model(experiment: Experiment) -> Model:
+    """Build the planner's model of an experiment's load; raises ConfigError naming the key."""
     try:
-        return model_of(experiment.model)
+        return build_model(experiment.model)
     except PlanError as error:
         raise ConfigError(f"[model] {error}") from error
 
 
-def model_of(m: ModelSection) -> Model:
-    """A cable, or a chain where links are named. Raises PlanError."""
+def build_model(section: ModelSection) -> Model:
+    """Build a cable pendulum, or a chain where the section has links. Raises PlanError."""
     common = {
-        "damping_ratio": m.damping_ratio,
-        "gravity_m_s2": m.gravity_m_s2,
-        "cart_mass_kg": m.cart_mass_kg,
+        "damping_ratio": section.damping_ratio,
+        "gravity_m_s2": section.gravity_m_s2,
+        "cart_mass_kg": section.cart_mass_kg,
     }
-    if not m.links:
-        for name in ("stiffness_n_m_rad", "joint_damping_n_m_s_rad", "tip_mass_kg"):
-            if getattr(m, name):
-                raise PlanError(
-                    f"{name} = {getattr(m, name)} without links; a cable has none: name links, or leave it out"
-                )
-        return PendulumModel(length_m=m.cable_m, mass_kg=m.mass_kg, **common)
+    if not section.links:
+        _check_cable(section)
+        return PendulumModel(length_m=section.cable_m, mass_kg=section.mass_kg, **common)
     return ChainModel(
-        links=parse_links(",".join(m.links)),
-        stiffness_n_m_rad=tuple(m.stiffness_n_m_rad),
-        joint_damping_n_m_s_rad=tuple(m.joint_damping_n_m_s_rad),
-        tip_mass_kg=m.tip_mass_kg,
+        links=parse_links(",".join(section.links)),
+        stiffness_n_m_rad=tuple(section.stiffness_n_m_rad),
+        joint_damping_n_m_s_rad=tuple(section.joint_damping_n_m_s_rad),
+        tip_mass_kg=section.tip_mass_kg,
         **common,
     )
+
+
+def _check_cable(section: ModelSection) -> None:
+    """Refuse keys of a chain where no links are given."""
+    for name in CHAIN_KEYS:
+        value = getattr(section, name)
+        if value:
+            raise PlanError(
+                f"{name} = {value} without links; a cable has none: give links, or leave it out"
+            )

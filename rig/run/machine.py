@@ -75,12 +75,16 @@ class MachineGrade(NamedTuple):
         )
 
 
+def _take_unbounded(priority: int) -> bool:
+    return take_priority(priority, is_bounded=False)
+
+
 Timer = Callable[[int, int], Sequence[int]]
 
 
 def measure_machine(
     timer: Timer = timer_lateness_ns,
-    take: Callable[[int], bool] = take_priority,
+    take: Callable[[int], bool] = _take_unbounded,
     drop: Callable[[], None] = drop_priority,
 ) -> MachineGrade:
     """Measure the timer with and without real-time priority, three seconds together, and grade it.

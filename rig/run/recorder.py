@@ -1,4 +1,4 @@
-"""The recorder: every message once, the receivers' receipts, events, and a few pictures, into one MCAP file."""
+"""The recorder: every message once, receipts, events and some pictures, into one MCAP file."""
 
 from __future__ import annotations
 
@@ -21,34 +21,33 @@ from comms.records import (
     TaskTiming,
 )
 
-FLUSH_EVERY_NS = 500_000_000
+FLUSH_PERIOD_NS = 500_000_000
 JPEG_QUALITY = 92
 PICTURES = "/camera/image"
 
 
 class Recorder:
-    """Writes run.mcap; what was recorded before a crash stays readable."""
+    """Writer of run.mcap; what was recorded before a crash stays readable."""
 
     def __init__(self, path: Path, start: dict[str, str], attachments: dict[str, bytes]) -> None:
         self._log = LogWriter(path, start)
         for name, data in attachments.items():
-            self._log.attach(
-                name, "application/toml" if name.endswith(".toml") else "application/json", data
-            )
+            kind = "application/toml" if name.endswith(".toml") else "application/json"
+            self._log.attach(name, kind, data)
         self._log.flush()
         self._flushed_ns = 0
         self.counts: dict[str, int] = {}
 
     def message(self, channel: str, message: Message, log_ns: int, crc32: int = 0) -> None:
-        """A message of a channel, as its sender sent it; a Frame without its pixels."""
+        """Record a message of a channel as its sender sent it; a Frame without its pixels."""
         record: msgspec.Struct = message
         if isinstance(message, Frame):
-            record = _stamp_of(message, crc32)
+            record = _frame_stamp(message, crc32)
         self.counts[channel] = self.counts.get(channel, 0) + 1
         self._log.write(f"/{channel}", record, message.t_ns, log_ns, message.seq)
 
     def picture(self, frame: Frame, log_ns: int) -> None:
-        """A picture for people, as JPEG."""
+        """Record a picture as JPEG, for viewers of the log; analysis does not use it."""
         good, data = cv2.imencode(".jpg", frame.pixels, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
         if good:
             seconds, nanoseconds = divmod(frame.t_exposure_start_ns + frame.exposure_ns // 2, 10**9)
@@ -59,25 +58,24 @@ class Recorder:
             self._log.write(PICTURES, image, frame.t_ns, log_ns, frame.seq)
 
     def record(self, record: Record, log_ns: int) -> None:
-        """A receipt, timing, link row or event."""
+        """Record a receipt, timing, link row or event."""
         self._log.write(_topic(record), record, getattr(record, "t_ns", log_ns), log_ns)
 
     def tick(self, t_ns: int) -> None:
-        """Flush on a timer: a kill loses no more than that."""
-        if t_ns - self._flushed_ns >= FLUSH_EVERY_NS:
+        """Flush at most every 0.5 s: a kill loses no more than that."""
+        if t_ns - self._flushed_ns >= FLUSH_PERIOD_NS:
             self._flushed_ns = t_ns
             self._log.flush()
 
     def close(self, rows: dict[str, LinkCount], stop: dict[str, str], log_ns: int) -> None:
-        """The settled ledger, then the stop metadata."""
+        """Write the settled ledger and the stop metadata, and close the file."""
         for channel, count in rows.items():
-            self.record(
-                LinkRow(channel=channel, count=count, balanced=count.unaccounted == 0), log_ns
-            )
+            balanced = count.unaccounted == 0
+            self.record(LinkRow(channel=channel, count=count, balanced=balanced), log_ns)
         self._log.close(stop)
 
 
-def _stamp_of(frame: Frame, crc32: int) -> FrameStamp:
+def _frame_stamp(frame: Frame, crc32: int) -> FrameStamp:
     return FrameStamp(
         seq=frame.seq,
         t_ns=frame.t_ns,

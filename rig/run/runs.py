@@ -1,4 +1,4 @@
-"""The folder of a run: where it is, what is in it, how a name a user typed becomes one."""
+"""The folder of a run: its name and contents, and the log that a name typed by the user means."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def new_folder(runs: Path, name: str, mode: str, now: datetime) -> Path:
 
 
 def find_log(name: str, runs: Path) -> Path:
-    """The log a user means: a run folder, a log file, the id of a run in `runs`, or `last`."""
+    """Find a log by run folder, log file, id of a run in `runs`, or `last`; raises RigError."""
     path = Path(name)
     if path.is_file():
         return path
@@ -34,12 +34,19 @@ def find_log(name: str, runs: Path) -> Path:
         return path / LOG
     if path.is_dir():
         raise RigError(f"{path}: a folder without {LOG}; name a run folder, a .mcap file or `last`")
-    known = sorted(p.name for p in runs.iterdir() if (p / LOG).is_file()) if runs.is_dir() else []
+    known = _run_names(runs)
     if name == "last" and known:
         return runs / known[-1] / LOG
-    matches = [k for k in known if name and name in k]
+    matches = [run for run in known if name and name in run]
     if len(matches) == 1:
         return runs / matches[0] / LOG
     what = "no such run" if not matches else f"{len(matches)} runs match"
     hint = f"newest: {known[-1]}" if known else f"no runs in {runs} yet: start one with `rig run`"
     raise RigError(f"run '{name}': {what}; name a run folder, a .mcap file or `last` ({hint})")
+
+
+def _run_names(runs: Path) -> list[str]:
+    """List the folders in runs that hold a log, oldest first."""
+    if not runs.is_dir():
+        return []
+    return sorted(folder.name for folder in runs.iterdir() if (folder / LOG).is_file())

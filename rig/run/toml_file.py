@@ -1,4 +1,7 @@
-"""TOML files: tables in, structs out; an error names section, key, value, bound and the nearest known key."""
+"""TOML files: tables in, structs out.
+
+An error names section, key, value, bound and the nearest known key.
+"""
 
 from __future__ import annotations
 
@@ -17,11 +20,11 @@ T = TypeVar("T")
 
 
 class Section(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A table of the file: unknown keys are errors."""
+    """Table of a file; an unknown key is an error."""
 
 
 def convert(data: Any, kind: type[T], section: str = "") -> T:
-    """data as kind; raises ConfigError in terms of the experiment file."""
+    """Convert data to kind; raises ConfigError that names section, key, value and bound."""
     try:
         return msgspec.convert(data, kind)
     except msgspec.ValidationError as error:
@@ -47,13 +50,13 @@ def rename_keys(tables: dict[str, Any], new_names: dict[str, str]) -> None:
 
 
 def nearest(word: str, known: Any) -> str:
-    """', did you mean ...?' when something known is close."""
+    """Return ', did you mean ...?' for the nearest known word, empty when none is near."""
     close = difflib.get_close_matches(word, list(known), n=1)
     return f", did you mean '{close[0]}'?" if close else ""
 
 
 def read_text(path: Path, what: str) -> str:
-    """A file's text; raises ConfigError when it cannot be read."""
+    """Read the text of a file; raises ConfigError when it cannot be read."""
     try:
         return path.read_text(errors="replace")
     except OSError as error:
@@ -62,8 +65,8 @@ def read_text(path: Path, what: str) -> str:
         ) from None
 
 
-def read_toml(path: Path, what: str, next_step: str = "mend that line") -> dict[str, Any]:
-    """A file's tables; raises ConfigError when it cannot be read or is no TOML."""
+def read_toml(path: Path, what: str, next_step: str = "correct that line") -> dict[str, Any]:
+    """Read the tables of a file; raises ConfigError when it cannot be read or is not TOML."""
     try:
         return tomllib.loads(read_text(path, what))
     except tomllib.TOMLDecodeError as error:
@@ -71,26 +74,30 @@ def read_toml(path: Path, what: str, next_step: str = "mend that line") -> dict[
 
 
 def override(tables: dict[str, Any], text: str) -> None:
-    """Put `section.key=value` into the tables of a file; a number is an index of a list, and a key above all sections is one
-    that the file has. Raises ConfigError for a text that is no such thing.
+    """Put `section.key=value` into the tables of a file.
+
+    A number is an index of a list. A key outside all sections must stand in the file. Raises
+    ConfigError for a text of another form.
     """
     path, equals, value = text.partition("=")
     keys = path.strip().split(".")
-    if not equals or not all(keys) or (len(keys) < 2 and isinstance(tables.get(keys[0], {}), dict)):
+    is_section = len(keys) < 2 and isinstance(tables.get(keys[0], {}), dict)
+    if not equals or not all(keys) or is_section:
         raise ConfigError(
             f"--set '{text}': must be section.key=value, for example --set move.distance_m=0.1"
         )
     table: Any = tables
     for key in keys[:-1]:
-        table = _step(table, key, text)
+        table = _descend(table, key, text)
     if isinstance(table, list):
-        _step(table, keys[-1], text)
+        _descend(table, keys[-1], text)
         table[int(keys[-1])] = _value(value.strip())
     else:
         table[keys[-1]] = _value(value.strip())
 
 
-def _step(table: Any, key: str, text: str) -> Any:
+def _descend(table: Any, key: str, text: str) -> Any:
+    """Look up the table or list below key; create the table where there is none."""
     if isinstance(table, list):
         if not (key.isdigit() and int(key) < len(table)):
             raise ConfigError(
@@ -111,40 +118,41 @@ def _value(text: str) -> Any:
 
 
 def _explain(message: str, data: Any, kind: type, section: str) -> str:
-    what, _, at = message.partition(" - at `$")
-    keys = [k for k in re.split(r"[.\[\]]+", at.rstrip("`")) if k]
-    if section:
-        keys = [*section.split("."), *keys]
+    """Reword an error of msgspec in terms of the file."""
+    what, _, place = message.partition(" - at `$")
+    section_keys = section.split(".") if section else []
+    inner = [key for key in re.split(r"[.\[\]]+", place.rstrip("`")) if key]
+    keys = [*section_keys, *inner]
     unknown = re.search(r"unknown field `(.+)`", what)
     missing = re.search(r"missing required field `(.+)`", what)
     if unknown:
-        known = [f.encode_name for f in msgspec.structs.fields(_struct_at(kind, keys, section))]
+        known = [field.encode_name for field in msgspec.structs.fields(_type_at(kind, inner))]
+        hint = nearest(unknown[1], known)
         return (
-            f"[{'.'.join(keys)}] {unknown[1]}: unknown key{nearest(unknown[1], known)}; known here: {', '.join(known)}"
+            f"[{'.'.join(keys)}] {unknown[1]}: unknown key{hint}; known keys: {', '.join(known)}"
         ).replace("[] ", "")
     if missing:
         return f"[{'.'.join(keys)}] {missing[1]}: missing; add it".replace("[] ", "section ")
-    inner = keys[len(section.split(".")) if section else 0 :]
     value = _value_at(data, inner)
     if isinstance(value, dict) and not what.startswith("Expected"):
-        return f"[{'.'.join(keys)}] {what}".removeprefix(
-            "[] "
-        )  # of a whole table, by the one who builds it
+        # error of a whole table, raised by the struct that it becomes
+        return f"[{'.'.join(keys)}] {what}".removeprefix("[] ")
     if "enum" in what:
-        allowed = get_args(_struct_at(kind, keys, section))
+        allowed = get_args(_type_at(kind, inner))
         what = f"must be one of {', '.join(map(repr, allowed))}{nearest(str(value), allowed)}"
     where = f"[{'.'.join(keys[:-1])}] {keys[-1]}" if keys else "the file"
-    return f"{where} = {value!r}: {what[0].lower()}{what[1:]}; change it to fit".removeprefix("[] ")
+    problem = f"{what[0].lower()}{what[1:]}"
+    return f"{where} = {value!r}: {problem}; correct the value".removeprefix("[] ")
 
 
-def _struct_at(kind: Any, keys: list[str], section: str) -> Any:
-    for key in keys[len(section.split(".")) if section else 0 :]:
-        kind = _within(kind, key)
+def _type_at(kind: Any, keys: list[str]) -> Any:
+    for key in keys:
+        kind = _member_type(kind, key)
     return kind
 
 
-def _within(kind: Any, key: str) -> Any:
-    """The type of a struct's field, or of what a list, tuple or dict is made of; of `X | None` that is X."""
+def _member_type(kind: Any, key: str) -> Any:
+    """Find the type of a struct's field or of the elements of a container; X for `X | None`."""
     if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
         field = next(field for field in msgspec.structs.fields(kind) if field.encode_name == key)
         kind = get_type_hints(kind)[field.name]

@@ -1,4 +1,4 @@
 """Identification: arrays in, estimates with standard deviation out; works on data of other labs.
 
-Imports nothing of ours outside this folder.
+Imports no package of this project outside this folder.
 """

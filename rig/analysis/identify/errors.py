@@ -1,7 +1,7 @@
-"""The one root of what rig/analysis raises."""
+"""Error of the identification."""
 
 from __future__ import annotations
 
 
 class AnalysisError(Exception):
-    """The data cannot carry the answer asked for: too few samples, too short a watch, nothing swinging."""
+    """Data insufficient for the estimate: too few samples, too short a record, no swing."""

@@ -1,4 +1,4 @@
-"""Delays found by laying one curve over another: the robot behind its plan, the camera behind the truth."""
+"""Delays by least-squares alignment of curves: robot against plan, measured against true swing."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ from rig.analysis.identify.swing import truth_at
 
 FloatArray = npt.NDArray[np.float64]
 
-MIN_TRAVEL_M = 0.001  # less is rest, and rest has no delay
-EARLIEST_S, LATEST_S = -0.1, 0.5  # command latency is looked for in between
-MAX_MISALIGNMENT_S = 0.25  # an eighth of a 2 s swing: the nearest copy of the curve is far
+MIN_TRAVEL_M = 0.001  # a delay is not observable at rest
+MIN_LATENCY_S, MAX_LATENCY_S = -0.1, 0.5  # range searched for the command latency
+MAX_MISALIGNMENT_S = 0.25  # an eighth of a 2 s swing: far from the next period
+MIN_ANGLES = 10
 COARSE_STEP_S = 0.01
 RESOLUTION_S = 1e-6
 
@@ -23,27 +24,28 @@ RESOLUTION_S = 1e-6
 def command_latency_s(
     t_s: FloatArray, actual_m: FloatArray, plan: Callable[[FloatArray], FloatArray]
 ) -> float | None:
-    """Delay d [s] that minimises rms(actual(t + d) - plan(t)) over the move.
+    """Find the delay d [s] that minimises rms(actual(t + d) - plan(t)) over the move.
 
-    t_s, actual_m (N,): measured position at its own stamps, strictly increasing. plan maps stamps (M,) on the same
-    time axis to positions (M,) [m], at rest before and after its move. None when plan or platform travels less than
-    1 mm, or when no delay in -0.1..0.5 s is better than its neighbours.
+    t_s, actual_m (N,): measured position at its own stamps, strictly increasing. plan maps stamps
+    (M,) on the same time axis to positions (M,) [m], at rest before and after its move. None when
+    plan or platform travels less than 1 mm, or without a minimum within -0.1 to 0.5 s.
     """
     from scipy.interpolate import CubicSpline
 
-    t, actual = np.asarray(t_s, dtype=np.float64), np.asarray(actual_m, dtype=np.float64)
+    t = np.asarray(t_s, dtype=np.float64)
+    actual = np.asarray(actual_m, dtype=np.float64)
     planned = plan(t)
     if t.size < 4 or min(np.ptp(planned), np.ptp(actual)) < MIN_TRAVEL_M:
         return None
-    move, measured = _moving(planned), CubicSpline(t, actual)
+    move = _move_samples(planned)
+    measured = CubicSpline(t, actual)
 
     def mismatch(delay_s: float) -> float:
-        at_s = np.clip(
-            t[move] + delay_s, t[0], t[-1]
-        )  # the platform rests beyond both ends of the log
+        # the platform is at rest beyond both ends of the log
+        at_s = np.clip(t[move] + delay_s, t[0], t[-1])
         return float(np.mean((measured(at_s) - planned[move]) ** 2))
 
-    return _best_delay_s(mismatch, EARLIEST_S, LATEST_S)
+    return _best_delay_s(mismatch, MIN_LATENCY_S, MAX_LATENCY_S)
 
 
 def alignment_s(
@@ -53,24 +55,23 @@ def alignment_s(
     truth_angle_rad: FloatArray,
     truth_rate_rad_s: FloatArray,
 ) -> float:
-    """Delay [s] of the measured swing (N,) behind the truth (M,), positive = measured late, by least rms mismatch.
+    """Find the delay [s] of the measured swing (N,) behind the true one (M,) of least rms mismatch.
 
-    Samples within 0.26 s of the truth's ends are left out, for every tried delay has to meet the same samples.
-    Raises AnalysisError when fewer than 10 are left, or when no delay within +-0.25 s fits better than its neighbours.
+    Positive = measured late. Samples within 0.26 s of the ends of the truth are left out, so that
+    all delays are compared on the same samples. Raises AnalysisError for fewer than 10 samples, or
+    without a minimum within +-0.25 s.
     """
     t, angle = _within(t_valid_s, angle_rad, t_truth_s, MAX_MISALIGNMENT_S + COARSE_STEP_S)
 
     def mismatch(delay_s: float) -> float:
-        return float(
-            np.mean(
-                (angle - truth_at(t - delay_s, t_truth_s, truth_angle_rad, truth_rate_rad_s)) ** 2
-            )
-        )
+        true_angle = truth_at(t - delay_s, t_truth_s, truth_angle_rad, truth_rate_rad_s)
+        return float(np.mean((angle - true_angle) ** 2))
 
     delay_s = _best_delay_s(mismatch, -MAX_MISALIGNMENT_S, MAX_MISALIGNMENT_S)
     if delay_s is None:
         raise AnalysisError(
-            f"no best delay within +-{MAX_MISALIGNMENT_S} s: check sign, stamps, and that the load swings"
+            f"the mismatch has no minimum within +-{MAX_MISALIGNMENT_S} s: "
+            "check sign, stamps, and that the load swings"
         )
     return delay_s
 
@@ -82,48 +83,51 @@ def swing_error_rms_rad(
     truth_angle_rad: FloatArray,
     truth_rate_rad_s: FloatArray,
 ) -> float:
-    """Rms [rad] of measured (N,) minus true angle (M,) at the stamps as they are: no delay is fitted away.
+    """Compute the rms [rad] of measured (N,) minus true angle (M,) at unchanged stamps.
 
-    Samples outside the truth's stamps are left out; raises AnalysisError when fewer than 10 are left.
+    No delay is fitted. Samples outside the stamps of the truth are left out. Raises AnalysisError
+    for fewer than 10 samples.
     """
     t, angle = _within(t_valid_s, angle_rad, t_truth_s, 0.0)
-    return float(
-        np.sqrt(np.mean((angle - truth_at(t, t_truth_s, truth_angle_rad, truth_rate_rad_s)) ** 2))
-    )
+    true_angle = truth_at(t, t_truth_s, truth_angle_rad, truth_rate_rad_s)
+    return float(np.sqrt(np.mean((angle - true_angle) ** 2)))
 
 
-def _moving(planned: FloatArray) -> slice:
-    """From the last sample at rest before the plan's move to the first one at rest after it."""
+def _move_samples(planned: FloatArray) -> slice:
+    """Select the samples from the last one at rest before the move to the first one after it."""
     moves = np.flatnonzero(np.abs(np.diff(planned)) > 1e-9 * np.ptp(planned))
     return slice(int(moves[0]), int(moves[-1]) + 2)
 
 
 def _best_delay_s(mismatch: Callable[[float], float], low_s: float, high_s: float) -> float | None:
-    """Coarse scan, then Brent's bounded minimisation around its best; None when that is an end of the range."""
+    """Scan coarsely, then minimise by Brent's bounded method; None for a minimum at an end."""
     from scipy.optimize import minimize_scalar
 
     delays = np.linspace(low_s, high_s, 1 + round((high_s - low_s) / COARSE_STEP_S))
-    k = int(np.argmin([mismatch(float(d)) for d in delays]))
+    k = int(np.argmin([mismatch(float(delay_s)) for delay_s in delays]))
     if k in (0, delays.size - 1):
         return None
-    around = (float(delays[k - 1]), float(delays[k + 1]))
-    return float(
-        minimize_scalar(
-            mismatch, bounds=around, method="bounded", options={"xatol": RESOLUTION_S}
-        ).x
+    bounds = (float(delays[k - 1]), float(delays[k + 1]))
+    found = minimize_scalar(
+        mismatch, bounds=bounds, method="bounded", options={"xatol": RESOLUTION_S}
     )
+    return float(found.x)
 
 
 def _within(
     t_s: FloatArray, angle_rad: FloatArray, t_truth_s: FloatArray, margin_s: float
 ) -> tuple[FloatArray, FloatArray]:
-    t, angle = np.asarray(t_s, dtype=np.float64), np.asarray(angle_rad, dtype=np.float64)
-    first, last = (
-        (float(t_truth_s[0]), float(t_truth_s[-1])) if len(t_truth_s) else (math.inf, -math.inf)
-    )
+    """Select the samples inside the stamps of the truth, margin_s away from both ends."""
+    t = np.asarray(t_s, dtype=np.float64)
+    angle = np.asarray(angle_rad, dtype=np.float64)
+    first, last = math.inf, -math.inf
+    if len(t_truth_s):
+        first, last = float(t_truth_s[0]), float(t_truth_s[-1])
     inside = (t >= first + margin_s) & (t <= last - margin_s)
-    if np.count_nonzero(inside) < 10:
+    count = np.count_nonzero(inside)
+    if count < MIN_ANGLES:
         raise AnalysisError(
-            f"{np.count_nonzero(inside)} angles inside [{first:.2f}, {last:.2f}] s; need 10: record truth longer"
+            f"{count} angles inside [{first:.2f}, {last:.2f}] s; need {MIN_ANGLES}: "
+            "record truth longer"
         )
     return t[inside], angle[inside]

@@ -1,4 +1,4 @@
-"""The camera's offset table, from swings watched at several platform positions; the load never needs rest."""
+"""Offset table of the camera, from free swings at several platform positions."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ FloatArray = npt.NDArray[np.float64]
 MIN_SAMPLES = 20
 MIN_PERIODS = 1.0
 MIN_SPACING_M = 0.001
-FREQUENCY_BAND = 0.2  # the believed frequency is trusted to +-20 %
+FREQUENCY_BAND_REL = 0.2  # of the model's frequency, searched to both sides
 MAX_DAMPING_RATIO = 0.05
-ROW_SEEN_PX = 1.0  # the pivot's row is taken from the data once its sigma is below
+MAX_ROW_SIGMA_PX = 1.0  # the row of the pivot is taken from the data where its sigma is smaller
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Watch:
-    """One position, watched while the load swings freely; nan marks what a frame did not give.
+class SwingRecord:
+    """Samples of a free swing at one platform position; nan marks a value that a frame lacks.
 
-    Arrays (N,): stamps, angle without any offset or average, measured platform position, and the fitted line minus
-    the predicted pivot along image x at the predicted pivot's row.
+    Arrays (N,): stamps, angle without offset and average, measured platform position, and fitted
+    line minus predicted pivot along image x at the row of the predicted pivot.
     """
 
     t_s: FloatArray
@@ -35,49 +35,48 @@ class Watch:
     platform_m: FloatArray
     pivot_miss_px: FloatArray
 
-    def valid(self) -> Watch:
-        """The frames that gave everything."""
-        fields = [
-            np.asarray(a, dtype=np.float64)
-            for a in (self.t_s, self.raw_rad, self.platform_m, self.pivot_miss_px)
-        ]
+    def valid(self) -> SwingRecord:
+        """Select the frames that have all values."""
+        columns = (self.t_s, self.raw_rad, self.platform_m, self.pivot_miss_px)
+        fields = [np.asarray(column, dtype=np.float64) for column in columns]
         keep = np.isfinite(fields).all(axis=0)
         t, raw, platform, miss = (a[keep] for a in fields)
-        return Watch(t_s=t, raw_rad=raw, platform_m=platform, pivot_miss_px=miss)
+        return SwingRecord(t_s=t, raw_rad=raw, platform_m=platform, pivot_miss_px=miss)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OffsetCalibration:
-    """Offsets (P,) over rising platform positions, and the pivot as the pictures show it; sigmas are one standard deviation."""
+    """Offsets (P,) over rising platform positions, and pivot and scale of the pictures.
+
+    Each sigma is one standard deviation.
+    """
 
     x_m: FloatArray
     offset_rad: FloatArray
     sigma_offset_rad: FloatArray
-    amplitude_rad: FloatArray  # swing at mid-watch
-    frequency_hz: (
-        float  # shared by all positions; at the belief's +-20 % where nothing swings visibly
-    )
+    amplitude_rad: FloatArray  # of the swing at the middle of the record
+    frequency_hz: float  # common to all positions; at a bound of +-20 % without a visible swing
     residual_rad: float  # rms of raw angle minus swing and offset
     pivot_home_px: tuple[float, float]  # (u, v) with the platform at 0
     sigma_pivot_home_px: tuple[float, float]
-    row_observed: bool  # False: the swing was too small, v is the prediction kept
+    row_observed: bool  # False: the swing was too small, v is the predicted one
     pixels_per_m: float
     sigma_pixels_per_m: float
-    residual_px: float  # rms of pivot miss left by the refined pivot
+    residual_px: float  # rms of the pivot miss after the refinement
 
 
 class Swings(NamedTuple):
-    """Offset + decaying sinusoid at every position, frequency and decay shared."""
+    """Offset and decaying sinusoid at every position, with common frequency and decay rate."""
 
-    coefficients: FloatArray  # (P, 3): cosine, sine [rad] at mid-watch, offset [rad]
+    coefficients: FloatArray  # (P, 3): cosine, sine [rad] at mid-record, offset [rad]
     sigma_offset_rad: FloatArray  # (P,)
     frequency_hz: float
     residual_rad: float
-    angles: list[FloatArray]  # the fitted angle at each watch's stamps
+    angles: list[FloatArray]  # fitted angle at the stamps of each record
 
 
 class Pivot(NamedTuple):
-    """Regression of the observed line at the predicted pivot row."""
+    """Pivot and scale from the regression of the observed line at the predicted pivot row."""
 
     home_px: tuple[float, float]
     sigma_home_px: tuple[float, float]
@@ -88,32 +87,31 @@ class Pivot(NamedTuple):
 
 
 def calibrate_offsets(
-    watches: Sequence[Watch],
+    records: Sequence[SwingRecord],
     *,
     pivot_home_px: tuple[float, float],
     pixels_per_m: float,
     natural_frequency_hz: float,
 ) -> OffsetCalibration:
-    """Offset at each watched position, the pivot's home and the scale of the pictures.
+    """Fit the offset at each position, and pivot and scale of the pictures.
 
-    pivot_home_px (u, v) and pixels_per_m are what the tracker predicted the pivot with; natural_frequency_hz is the
-    belief, searched within 20 %. Design, section 4: two periods a position, sinusoid + offset, no rest needed.
-    Raises AnalysisError for fewer than 2 positions, positions closer than 1 mm, a watch shorter than one believed
-    period or with fewer than 20 valid samples.
+    pivot_home_px (u, v), pixels_per_m: values with which the tracker predicted the pivot.
+    natural_frequency_hz: of the model, searched within 20 %. Design, section 4: two periods per
+    position, sinusoid and offset; the load need not be at rest. Raises AnalysisError for fewer than
+    2 positions, positions closer than 1 mm, a record shorter than one period of the model or with
+    fewer than 20 valid samples.
     """
-    seen = sorted(
-        (w.valid() for w in watches),
-        key=lambda w: float(np.mean(w.platform_m)) if w.platform_m.size else -math.inf,
-    )
-    for watch in seen:
-        _check_watch(watch, natural_frequency_hz)
-    x_m = np.array([np.mean(w.platform_m) for w in seen])
+    valid = sorted((record.valid() for record in records), key=_mean_position_m)
+    for record in valid:
+        _check_record(record, natural_frequency_hz)
+    x_m = np.array([np.mean(record.platform_m) for record in valid])
     if x_m.size < 2 or np.diff(x_m).min() < MIN_SPACING_M:
         raise AnalysisError(
-            f"positions {x_m.round(4).tolist()} m; need 2, {MIN_SPACING_M} m apart: watch each position once"
+            f"positions {x_m.round(4).tolist()} m; need 2, {MIN_SPACING_M} m apart: "
+            "watch each position once"
         )
-    swings = _fit_swings(seen, natural_frequency_hz)
-    pivot = _fit_pivot(seen, swings.angles, pivot_home_px, pixels_per_m)
+    swings = _fit_swings(valid, natural_frequency_hz)
+    pivot = _fit_pivot(valid, swings.angles, pivot_home_px, pixels_per_m)
     return OffsetCalibration(
         x_m=x_m,
         offset_rad=swings.coefficients[:, 2],
@@ -130,36 +128,44 @@ def calibrate_offsets(
     )
 
 
-def _check_watch(watch: Watch, natural_frequency_hz: float) -> None:
-    where = f"at {np.mean(watch.platform_m):.3f} m" if watch.t_s.size else "at an unseen position"
-    if watch.t_s.size < MIN_SAMPLES:
+def _mean_position_m(record: SwingRecord) -> float:
+    """Compute the mean position; a record without a valid sample sorts first."""
+    return float(np.mean(record.platform_m)) if record.platform_m.size else -math.inf
+
+
+def _check_record(record: SwingRecord, natural_frequency_hz: float) -> None:
+    count = record.t_s.size
+    place = f"at {np.mean(record.platform_m):.3f} m" if count else "at an unknown position"
+    if count < MIN_SAMPLES:
         raise AnalysisError(
-            f"{watch.t_s.size} valid samples {where}; need {MIN_SAMPLES}: see why the frames were refused"
+            f"{count} valid samples {place}; need {MIN_SAMPLES}: see why the frames were refused"
         )
-    periods = float(np.ptp(watch.t_s)) * natural_frequency_hz
+    periods = float(np.ptp(record.t_s)) * natural_frequency_hz
     if periods < MIN_PERIODS:
         raise AnalysisError(
-            f"{periods:.2f} periods watched {where}; need {MIN_PERIODS}: watch two periods at each position"
+            f"{periods:.2f} periods watched {place}; need {MIN_PERIODS}: "
+            "watch two periods at each position"
         )
 
 
-def _fit_swings(watches: Sequence[Watch], natural_frequency_hz: float) -> Swings:
-    """Variable projection: only frequency and decay rate are searched, the rest is linear at each position."""
+def _fit_swings(records: Sequence[SwingRecord], natural_frequency_hz: float) -> Swings:
+    """Fit by variable projection: search frequency and decay rate, solve linearly for the rest."""
     from scipy.optimize import least_squares
 
     w0 = 2 * math.pi * natural_frequency_hz
-    belief, reach = np.array([w0, 0.0]), np.array([FREQUENCY_BAND, MAX_DAMPING_RATIO]) * w0
-    unit = (
-        max(float(np.std(w.raw_rad)) for w in watches) or 1.0
-    )  # tolerances mean the same at any amplitude
+    expected = np.array([w0, 0.0])
+    half_range = np.array([FREQUENCY_BAND_REL, MAX_DAMPING_RATIO]) * w0
+    # scales the residual, so that the tolerances hold at any amplitude
+    unit = max(float(np.std(record.raw_rad)) for record in records) or 1.0
 
-    def misfit(q: FloatArray) -> FloatArray:
-        fits = _linear_fits(watches, belief + q * reach)
-        return np.concatenate([w.raw_rad - X @ c for w, X, c in fits]) / unit
+    def scaled_residual(q: FloatArray) -> FloatArray:
+        fits = _linear_fits(records, expected + q * half_range)
+        return np.concatenate([record.raw_rad - X @ c for record, X, c in fits]) / unit
 
-    q = least_squares(misfit, np.zeros(2), bounds=(-1, 1)).x
-    shared, residual = belief + q * reach, misfit(q) * unit
-    fits = _linear_fits(watches, shared)
+    q = least_squares(scaled_residual, np.zeros(2), bounds=(-1, 1)).x
+    shared = expected + q * half_range
+    residual = scaled_residual(q) * unit
+    fits = _linear_fits(records, shared)
     variance = float(residual @ residual) / (residual.size - 3 * len(fits) - 2)
     return Swings(
         coefficients=np.array([c for _, _, c in fits]),
@@ -171,27 +177,31 @@ def _fit_swings(watches: Sequence[Watch], natural_frequency_hz: float) -> Swings
 
 
 def _linear_fits(
-    watches: Sequence[Watch], shared: FloatArray
-) -> list[tuple[Watch, FloatArray, FloatArray]]:
-    """For each watch its basis X (N, 3) = decaying cosine, sine, one, and the least-squares coefficients (3,)."""
+    records: Sequence[SwingRecord], shared: FloatArray
+) -> list[tuple[SwingRecord, FloatArray, FloatArray]]:
+    """Solve for the linear coefficients (3,) of each record.
+
+    Returns them with the record and its basis X (N, 3) = decaying cosine, decaying sine, one.
+    """
     omega, decay = shared
     fits = []
-    for watch in watches:
-        tau = watch.t_s - (watch.t_s[0] + watch.t_s[-1]) / 2
-        fall = np.exp(-decay * tau)
-        X = np.stack(
-            [fall * np.cos(omega * tau), fall * np.sin(omega * tau), np.ones_like(tau)], axis=-1
-        )
-        fits.append((watch, X, np.linalg.lstsq(X, watch.raw_rad)[0]))
+    for record in records:
+        tau = record.t_s - (record.t_s[0] + record.t_s[-1]) / 2
+        envelope = np.exp(-decay * tau)
+        cosine = envelope * np.cos(omega * tau)
+        sine = envelope * np.sin(omega * tau)
+        X = np.stack([cosine, sine, np.ones_like(tau)], axis=-1)
+        fits.append((record, X, np.linalg.lstsq(X, record.raw_rad)[0]))
     return fits
 
 
-def _unit_covariance(fits: Sequence[tuple[Watch, FloatArray, FloatArray]]) -> FloatArray:
-    """(J'J)^-1 of all coefficients, position by position, then frequency and decay."""
+def _unit_covariance(fits: Sequence[tuple[SwingRecord, FloatArray, FloatArray]]) -> FloatArray:
+    """Compute (J'J)^-1 of all coefficients, position by position, then frequency and decay rate."""
     rows = [X.shape[0] for _, X, _ in fits]
-    J, first = np.zeros((sum(rows), 3 * len(fits) + 2)), 0
-    for k, (watch, X, (a, b, _)) in enumerate(fits):
-        tau = watch.t_s - (watch.t_s[0] + watch.t_s[-1]) / 2
+    J = np.zeros((sum(rows), 3 * len(fits) + 2))
+    first = 0
+    for k, (record, X, (a, b, _)) in enumerate(fits):
+        tau = record.t_s - (record.t_s[0] + record.t_s[-1]) / 2
         here = slice(first, first + rows[k])
         J[here, 3 * k : 3 * k + 3] = X
         J[here, -2] = tau * (b * X[:, 0] - a * X[:, 1])
@@ -203,21 +213,23 @@ def _unit_covariance(fits: Sequence[tuple[Watch, FloatArray, FloatArray]]) -> Fl
 
 
 def _fit_pivot(
-    watches: Sequence[Watch],
+    records: Sequence[SwingRecord],
     angles: Sequence[FloatArray],
     home_px: tuple[float, float],
     pixels_per_m: float,
 ) -> Pivot:
-    """u_line(v_pred) = u0 + pixels_per_m x + (v_pred - v0) tan(angle), least squares in u0, pixels_per_m, v_pred - v0.
+    """Fit u_line(v_pred) = u0 + pixels_per_m x + (v_pred - v0) tan(angle) by least squares.
 
-    The angle is the fitted swing, not the raw sample: a sample's noise sits in its pivot miss too and would pose as
-    a pivot in the middle of the picture.
+    Unknown are u0, pixels_per_m and v_pred - v0. The angle is the fitted swing, not the raw sample:
+    the noise of a sample is in its pivot miss too, and would bias the pivot to the middle of the
+    picture.
     """
-    x = np.concatenate([w.platform_m for w in watches])
-    observed_px = home_px[0] + pixels_per_m * x + np.concatenate([w.pivot_miss_px for w in watches])
+    x = np.concatenate([record.platform_m for record in records])
+    miss_px = np.concatenate([record.pivot_miss_px for record in records])
+    observed_px = home_px[0] + pixels_per_m * x + miss_px
     basis = np.stack([np.ones_like(x), x, np.tan(np.concatenate(angles))], axis=-1)
     (u0, scale, rise), sigma, residual_px = _regression(basis, observed_px)
-    row_observed = sigma[2] < ROW_SEEN_PX
+    row_observed = sigma[2] < MAX_ROW_SIGMA_PX
     if not row_observed:
         (u0, scale), sigma, residual_px = _regression(basis[:, :2], observed_px)
     return Pivot(
@@ -231,7 +243,7 @@ def _fit_pivot(
 
 
 def _regression(basis: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-    """Least-squares coefficients, their sigmas for white residuals, and the residual rms."""
+    """Solve by least squares; return coefficients, sigmas for white residuals, residual rms."""
     inverse = np.linalg.pinv(basis)
     coefficients = inverse @ y
     residual = y - basis @ coefficients

@@ -1,4 +1,4 @@
-"""A calibration: where the pivot is in the picture, the scale, and the angle offset over platform position."""
+"""Calibration file: pivot and scale in the picture, and the offset table."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from vision.offset_table import OffsetTable
 
 
 class Calibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What `rig calibrate offsets` writes and `[vision] calibration` names."""
+    """Contents of a calibration file, written by `rig calibrate offsets`."""
 
     made: str  # UTC
     camera: str
@@ -29,9 +29,10 @@ class Calibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
 
 def find(experiment: config.Experiment) -> tuple[str, Calibration | None]:
-    """Its name and the calibration an experiment asks for; None when it asks for none.
+    """Find name and contents of an experiment's calibration; contents None where it uses none.
 
-    Raises ConfigError for a missing or broken file, a table that is none, or one made for another picture size.
+    Raises ConfigError for a missing or damaged file, an invalid offset table, or another picture
+    size.
     """
     name = experiment.vision.calibration
     if name == "none" or experiment.camera.rate_hz == 0:
@@ -40,24 +41,26 @@ def find(experiment: config.Experiment) -> tuple[str, Calibration | None]:
     if name == "shipped":
         if not known:
             raise ConfigError(
-                "[vision] calibration = 'shipped': none is shipped; make one with `rig calibrate offsets`"
+                "[vision] calibration = 'shipped': none is shipped; "
+                "make one with `rig calibrate offsets`"
             )
-        name, tables = known[-1], config.read_shipped_calibration(known[-1])
+        name = known[-1]
+        tables = config.read_shipped_calibration(name)
     elif Path(name).is_file():
         tables = toml_file.read_toml(Path(name), "calibration", "make it again")
     else:
         raise ConfigError(
-            f"[vision] calibration = '{name}': no such file; make one with `rig calibrate offsets`, "
+            f"[vision] calibration = '{name}': no such file; "
+            "make one with `rig calibrate offsets`, "
             f"or name 'shipped' ({', '.join(known) or 'none here'}) or 'none'"
         )
     calibration = toml_file.convert(tables, Calibration, "calibration")
-    size, expected = (
-        (calibration.width, calibration.height),
-        (experiment.camera.width, experiment.camera.height),
-    )
+    size = (calibration.width, calibration.height)
+    expected = (experiment.camera.width, experiment.camera.height)
     if size != expected:
         raise ConfigError(
-            f"calibration '{name}' is for pictures of {size}; [camera] says {expected}: calibrate again"
+            f"calibration '{name}' is for pictures of {size}; "
+            f"must be {expected} as in [camera]: calibrate again"
         )
     try:
         OffsetTable(calibration.x_m, calibration.offset_rad)
@@ -67,18 +70,18 @@ def find(experiment: config.Experiment) -> tuple[str, Calibration | None]:
 
 
 def text(calibration: Calibration) -> str:
-    """The file as TOML."""
+    """Format the file as TOML."""
     lines = [
-        "# Made by `rig calibrate offsets`: pivot and scale in the picture, angle offset over platform position."
+        "# Made by `rig calibrate offsets`: "
+        "pivot and scale in the picture, angle offset over platform position."
     ]
-    lines += [
-        f"{name} = {_toml(value)}" for name, value in msgspec.structs.asdict(calibration).items()
-    ]
+    for name, value in msgspec.structs.asdict(calibration).items():
+        lines.append(f"{name} = {_toml(value)}")
     return "\n".join(lines) + "\n"
 
 
 def save(calibration: Calibration, path: Path) -> None:
-    """Write the file."""
+    """Write the file; its folder is made where it is missing."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text(calibration))
 

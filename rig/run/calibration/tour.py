@@ -1,4 +1,4 @@
-"""`rig calibrate offsets`: drive to points with a swing-free plan, watch two periods at each, fit, and write the table."""
+"""Calibration tour: drive to points without residual swing, watch two periods at each, and fit."""
 
 from __future__ import annotations
 
@@ -15,26 +15,29 @@ from planners import catalog
 from planners.problem import Problem
 from planners.trajectories.motion import Motion
 from planners.trajectories.trajectory import Trajectory
-from rig.analysis.identify.offsets import OffsetCalibration, Watch, calibrate_offsets
+from rig.analysis.identify.offsets import OffsetCalibration, SwingRecord, calibrate_offsets
 from rig.analysis.run_log import SETTLE_S, RunLog
 from rig.run.calibration.file import Calibration
 from rig.run.config import Experiment
-from rig.run.load_model import load_model
+from rig.run.load_model import planner_model
 
 POINTS_M = (-0.2, -0.1, 0.0, 0.1, 0.2)
-HOP_S = 2.0
-PERIODS = 2.0  # watched at each point
+MOVE_TIME_S = 2.0  # from point to point
+WATCHED_PERIODS = 2.0  # at each point
 
 
 class Tour(NamedTuple):
-    """A motion through the points, and when it stands at each: (from, to) [s] from the start of the move."""
+    """Motion through the points.
+
+    dwells_s: (from, to) at each point [s], counted from the start of the move.
+    """
 
     motion: Motion
-    stands_s: list[tuple[float, float]]
+    dwells_s: list[tuple[float, float]]
 
 
 def experiment_for(base: Experiment) -> Experiment:
-    """The base experiment with its table laid aside, every frame by itself, and time to come to rest."""
+    """Change an experiment for the tour: no offset table, no average, a wider initial swing."""
     replace = msgspec.structs.replace
     return replace(
         base,
@@ -47,32 +50,41 @@ def experiment_for(base: Experiment) -> Experiment:
 
 
 def tour(experiment: Experiment, points_m: tuple[float, ...] = POINTS_M) -> Tour:
-    """From the start through the points and back, each hop planned not to swing."""
+    """Plan from the start through the points and back, each move without residual swing."""
     e = experiment
-    model = load_model(e)
-    stand_s = SETTLE_S + PERIODS * 2 * math.pi / model.natural_frequency_rad_s
-    here, path, stands = e.move.start_m, Trajectory.hold(e.move.start_m, 0.01), []
+    model = planner_model(e)
+    dwell_s = SETTLE_S + WATCHED_PERIODS * 2 * math.pi / model.natural_frequency_rad_s
+    position_m = e.move.start_m
+    path = Trajectory.hold(e.move.start_m, 0.01)
+    dwells_s = []
     for point in (*points_m, e.move.start_m):
-        if point != here:
-            hop = Problem(start_m=here, distance_m=point - here, time_s=HOP_S, model=model)
-            path, here = path.then(catalog.plan(e.experiment.planner, hop).motion.x), point
-        stands.append((path.duration_s + SETTLE_S, path.duration_s + stand_s))
-        path = path.then(Trajectory.hold(point, stand_s))
-    return Tour(Motion.along("x", path), stands[:-1])
+        if point != position_m:
+            distance_m = point - position_m
+            move = Problem(
+                start_m=position_m, distance_m=distance_m, time_s=MOVE_TIME_S, model=model
+            )
+            path = path.then(catalog.plan(e.experiment.planner, move).motion.x)
+            position_m = point
+        dwells_s.append((path.duration_s + SETTLE_S, path.duration_s + dwell_s))
+        path = path.then(Trajectory.hold(point, dwell_s))
+    return Tour(Motion.along("x", path), dwells_s[:-1])  # the last one is the return to the start
 
 
 def fit(
-    run: RunLog, experiment: Experiment, stands_s: list[tuple[float, float]]
+    run: RunLog, experiment: Experiment, dwells_s: list[tuple[float, float]]
 ) -> tuple[OffsetCalibration, Calibration]:
-    """The calibration in a run's log. Raises AnalysisError when a point was not seen well enough."""
+    """Fit the calibration to the log of a tour.
+
+    Raises AnalysisError for a point with too few valid frames.
+    """
     vision = experiment.vision
     samples = [a for a in run.angles if a.valid]
-    watches = [_watch(samples, run.t_move_s + t0, run.t_move_s + t1) for t0, t1 in stands_s]
+    records = [_record(samples, run.t_move_s + t0, run.t_move_s + t1) for t0, t1 in dwells_s]
     found = calibrate_offsets(
-        watches,
+        records,
         pivot_home_px=vision.rough_pivot_px,
         pixels_per_m=vision.rough_pixels_per_m,
-        natural_frequency_hz=load_model(experiment).natural_frequency_rad_s / (2 * math.pi),
+        natural_frequency_hz=planner_model(experiment).natural_frequency_rad_s / (2 * math.pi),
     )
     frames = run.frames
     calibration = Calibration(
@@ -91,15 +103,16 @@ def fit(
 
 
 def default_path(folder: Path, calibration: Calibration) -> Path:
-    """calibration_<date>_<camera>.toml."""
+    """Name the file calibration_<date>_<camera>.toml in folder."""
     return folder / f"calibration_{utc_now():%Y-%m-%d}_{calibration.camera}.toml"
 
 
-def _watch(samples: list[AngleSample], t0_s: float, t1_s: float) -> Watch:
+def _record(samples: list[AngleSample], t0_s: float, t1_s: float) -> SwingRecord:
+    """Select the samples stamped within [t0_s, t1_s]."""
     rows = [
         (a.t_valid_ns * 1e-9, a.raw_rad, a.platform_m, a.pivot_miss_px)
         for a in samples
         if t0_s <= a.t_valid_ns * 1e-9 <= t1_s
     ]
     t, raw, platform, miss = np.array(rows, dtype=np.float64).reshape(-1, 4).T
-    return Watch(t_s=t, raw_rad=raw, platform_m=platform, pivot_miss_px=miss)
+    return SwingRecord(t_s=t, raw_rad=raw, platform_m=platform, pivot_miss_px=miss)

@@ -1,4 +1,7 @@
-"""The one door to the simulated bench: `[bench.*]` in, a task or its settings out. Nothing else in rig/ knows its insides."""
+"""Door to the simulated plant: `[bench.*]` in, a task or its settings out.
+
+Other modules of rig/run do not import sim_rig.
+"""
 
 from __future__ import annotations
 
@@ -14,15 +17,16 @@ from rig.run.toml_file import convert
 from sim_rig.params import BenchParams, CameraParams, PendulumParams, RobotParams, View
 from sim_rig.task import BenchTask
 
-LINKS = 1  # the simulated load hangs on
+LINKS = 1  # of the simulated load
 
 
 def params(experiment: Experiment) -> BenchParams:
-    """The world of an experiment; raises ConfigError naming section, key, value and bound."""
+    """Read the parameters of the plant; raises ConfigError naming section, key, value and bound."""
     bench, view = experiment.bench, experiment.camera
     if bench.kind != "simulated":
         raise Refused(
-            "[bench] kind = 'external': no other bench can be talked to yet; must be 'simulated'"
+            "[bench] kind = 'external': there is no driver for an external plant; "
+            "must be 'simulated'"
         )
     try:
         return BenchParams(
@@ -37,10 +41,10 @@ def params(experiment: Experiment) -> BenchParams:
 
 
 def plant(experiment: Experiment) -> Plant:
-    """The plant of an experiment as the preflight checks see it. Raises ConfigError as params() does."""
+    """Describe the plant for the checks before a run. Raises ConfigError as params() does."""
     return Plant(params(experiment), LINKS)
 
 
 def task(settings: Any) -> Task:
-    """The simulated bench as a task of this process."""
+    """Make the simulated plant a task of this process."""
     return BenchTask(msgspec.convert(msgspec.to_builtins(settings), BenchParams))

@@ -1,4 +1,4 @@
-"""The processes of a run: started with what they are told, watched, and never left behind."""
+"""Processes of a run: started with their settings, watched, and killed if they do not exit."""
 
 from __future__ import annotations
 
@@ -19,7 +19,10 @@ ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 
 class Process(NamedTuple):
-    """One row of the table: what is run, and the real-time priority asked for, ordered as in the source's controller."""
+    """Row of the process table: module, and requested real-time priority.
+
+    The order of the priorities is that of the controller in the source.
+    """
 
     module: str
     priority: int
@@ -34,57 +37,63 @@ PROCESSES = {
 
 
 class Children:
-    """One process a task; each writes what it has to say to <task>.log in the run's folder."""
+    """One process per task; its output goes to <task>.log in the folder of the run."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._running: dict[str, subprocess.Popen[bytes]] = {}
-        self._dead: set[str] = set()
+        self._exited: set[str] = set()
 
     @property
     def names(self) -> set[str]:
-        """Tasks that were started."""
+        """Names of the tasks that were started."""
         return set(self._running)
 
     def start(self, settings: Mapping[str, Any], wiring: Wiring) -> None:
-        """Start every task: same interpreter, settings on standard input, a process group of its own (Ctrl-C is ours)."""
-        for name, told in settings.items():
+        """Start every task with the same interpreter and its settings on standard input.
+
+        Each has a process group of its own, so that Ctrl-C reaches the operator alone.
+        """
+        for name, task_settings in settings.items():
             process = PROCESSES[name]
-            with (self._folder / f"{name}.log").open("wb") as words:
+            with self._log_path(name).open("wb") as log:
                 child = subprocess.Popen(
                     [sys.executable, "-P", "-m", process.module],
                     stdin=subprocess.PIPE,
-                    stdout=words,
-                    stderr=words,
+                    stdout=log,
+                    stderr=log,
                     env=os.environ | ONE_THREAD,
                     process_group=0,
                 )
             self._running[name] = child
             own = msgspec.structs.replace(wiring, priority=process.priority)
-            _tell(child, msgspec.json.encode({"wiring": own, "settings": told}))
+            data = msgspec.json.encode({"wiring": own, "settings": task_settings})
+            _write_settings(child, data)
 
-    def newly_dead(self) -> list[tuple[str, int]]:
-        """Tasks that ended since the last look, with their exit codes."""
+    def newly_exited(self) -> list[tuple[str, int]]:
+        """List tasks that exited since the last call, with their exit codes."""
         found = []
         for name, child in self._running.items():
             code = child.poll()
-            if code is not None and name not in self._dead:
-                self._dead.add(name)
+            if code is not None and name not in self._exited:
+                self._exited.add(name)
                 found.append((name, code))
         return found
 
     def any_alive(self) -> bool:
-        """Whether any task still runs."""
+        """Tell if any task still runs."""
         return any(child.poll() is None for child in self._running.values())
 
-    def last_words(self, name: str) -> str:
-        """The last line a task wrote."""
-        words = self._folder / f"{name}.log"
-        lines = words.read_text(errors="replace").strip().splitlines() if words.exists() else []
-        return lines[-1] if lines else "it said nothing"
+    def last_log_line(self, name: str) -> str:
+        """Read the last line of a task's output."""
+        log = self._log_path(name)
+        if not log.exists():
+            return "no output"
+        lines = log.read_text(errors="replace").strip().splitlines()
+        return lines[-1] if lines else "no output"
 
     def cpu_s(self) -> dict[str, float]:
-        """Processor seconds of each running task."""
+        """Measure the processor time of each running task [s]."""
         return {
             name: cpu_of_s(child.pid)
             for name, child in self._running.items()
@@ -92,11 +101,14 @@ class Children:
         }
 
     def scheduling(self) -> dict[str, str]:
-        """What each task got of the real-time place it asked for."""
+        """Read the scheduling policy of each task."""
         return {name: scheduling_of(child.pid) for name, child in self._running.items()}
 
-    def end(self, only: set[str] | None = None) -> list[str]:
-        """Kill those of ours that did not leave by themselves; returns their names."""
+    def kill_running(self, only: set[str] | None = None) -> list[str]:
+        """Kill tasks that still run, those in `only` if given; return their names.
+
+        Empty output files are removed.
+        """
         killed = []
         for name, child in self._running.items():
             if only is not None and name not in only:
@@ -104,19 +116,22 @@ class Children:
             if child.poll() is None:
                 child.kill()
                 killed.append(name)
-                self._dead.add(name)  # no news to anybody
+                self._exited.add(name)  # newly_exited() does not report it
             child.wait()
-            words = self._folder / f"{name}.log"
-            if words.exists() and words.stat().st_size == 0:
-                words.unlink()
+            log = self._log_path(name)
+            if log.exists() and log.stat().st_size == 0:
+                log.unlink()
         return killed
 
+    def _log_path(self, name: str) -> Path:
+        return self._folder / f"{name}.log"
 
-def _tell(child: subprocess.Popen[bytes], words: bytes) -> None:
-    """Standard input of a task; one that died before reading is found dead at the next look."""
+
+def _write_settings(child: subprocess.Popen[bytes], data: bytes) -> None:
+    """Write to a task's standard input; newly_exited() reports one that exited before reading."""
     if child.stdin is not None:
         try:
-            child.stdin.write(words)
+            child.stdin.write(data)
             child.stdin.close()
         except BrokenPipeError:
             return

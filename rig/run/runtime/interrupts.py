@@ -1,4 +1,7 @@
-"""Ctrl-C, SIGTERM and a closed terminal, counted instead of raised: once = stop in order, twice = stop now."""
+"""Ctrl-C, SIGTERM and a closed terminal, counted instead of raised.
+
+The first one stops the run in order, the second one at once.
+"""
 
 from __future__ import annotations
 
@@ -13,16 +16,16 @@ NAMES = {
 
 
 class Interrupts:
-    """Counts SIGINT, SIGTERM and SIGHUP while it is open."""
+    """Counter of SIGINT, SIGTERM and SIGHUP while it is open."""
 
     def __init__(self) -> None:
         self.count = 0
-        self.what = ""  # the newest one
-        self._before: dict[signal.Signals, object] = {}
+        self.newest = ""  # name of the newest signal
+        self._handlers_before: dict[signal.Signals, object] = {}
 
     def __enter__(self) -> Interrupts:
         for number in NAMES:
-            self._before[number] = signal.signal(number, self._hear)
+            self._handlers_before[number] = signal.signal(number, self._count)
         return self
 
     def __exit__(
@@ -31,9 +34,9 @@ class Interrupts:
         value: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        for number, handler in self._before.items():
+        for number, handler in self._handlers_before.items():
             signal.signal(number, handler)  # type: ignore[arg-type]
 
-    def _hear(self, number: int, frame: FrameType | None) -> None:
+    def _count(self, number: int, frame: FrameType | None) -> None:
         self.count += 1
-        self.what = NAMES[signal.Signals(number)]
+        self.newest = NAMES[signal.Signals(number)]

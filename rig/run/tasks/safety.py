@@ -1,4 +1,7 @@
-"""The envelope every outgoing reference must lie in: position, speed, acceleration, from the references themselves."""
+"""Safety gate on outgoing references: bounds on position, speed and acceleration.
+
+Speed and acceleration are differences of the references themselves.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +12,11 @@ import msgspec
 from comms.messages import Position
 from rig.run.tasks.controller.interpolator import WINDOW_NS
 
-POSITION_ROUNDING_M = 1e-9  # metres: what summing floats may cost
+POSITION_ROUNDING_M = 1e-9  # rounding of the sums that make up a position
 
 
 class Envelope(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Bounds on references: place along X, how far Y and Z may leave 0; speed and acceleration in space."""
+    """Bounds on references: range of x, largest |y| and |z|; speed and acceleration in space."""
 
     position_min_m: float
     position_max_m: float
@@ -24,9 +27,10 @@ class Envelope(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
 
 class Gate:
-    """Checks references one after the other; speed and acceleration are differences of what was let through.
+    """Check of consecutive references; speed and acceleration are those between accepted ones.
 
-    A gap between references buys no speed: the controller makes up for any gap within one window.
+    A gap between references allows no higher speed: the controller covers any gap within one
+    window.
     """
 
     def __init__(self, envelope: Envelope) -> None:
@@ -36,9 +40,9 @@ class Gate:
         self._velocity = (0.0, 0.0, 0.0)
 
     def refusal(self, t_ns: int, position_m: Position) -> str | None:
-        """None when the reference may go out, else what it would break, the value and the bound."""
+        """Check a reference; return bound and value that it violates, None when it may be sent."""
         e = self._envelope
-        if not e.position_min_m <= position_m[0] <= e.position_max_m:  # NaN is outside as well
+        if not e.position_min_m <= position_m[0] <= e.position_max_m:  # NaN is outside
             return f"x = {position_m[0]:.4f} m; must be {e.position_min_m} to {e.position_max_m} m"
         for axis, value, bound in (
             ("y", position_m[1], e.depth_m),
@@ -57,19 +61,18 @@ class Gate:
         velocity = tuple(
             (new - old) / dt for new, old in zip(position_m, self._position, strict=True)
         )
-        refusal = self._too_fast(velocity, dt)
+        refusal = self._check_rates(velocity, dt)
         if refusal is None:
             self._t_ns, self._position = t_ns, position_m
             self._velocity = (velocity[0], velocity[1], velocity[2])
         return refusal
 
-    def _too_fast(self, velocity: tuple[float, ...], dt: float) -> str | None:
+    def _check_rates(self, velocity: tuple[float, ...], dt: float) -> str | None:
         e = self._envelope
         window = min(dt, WINDOW_NS * 1e-9)
         speed = math.hypot(*velocity) * dt / window
-        if (
-            not speed <= e.speed_m_s + POSITION_ROUNDING_M / window
-        ):  # a bound that is NaN refuses too
+        # "not <=" refuses a bound that is NaN as well
+        if not speed <= e.speed_m_s + POSITION_ROUNDING_M / window:
             return f"speed {speed:.3f} m/s; must be <= {e.speed_m_s:.3f} m/s"
         acceleration = math.dist(velocity, self._velocity) / dt
         if not acceleration <= e.acceleration_m_s2 + 4 * POSITION_ROUNDING_M / dt**2:

@@ -1,4 +1,4 @@
-"""Door to the simulated camera: an experiment in, pictures with their truth out."""
+"""Door to the simulated camera: an experiment in, pictures with their true angle out."""
 
 from __future__ import annotations
 
@@ -14,16 +14,20 @@ TruthRow = tuple[int, float, float, Any]  # frame, t_s, angle_rad, BGR picture
 
 
 def pivot_px(experiment: Experiment) -> tuple[float, float]:
-    """Where the cable's upper end is in the picture before anything moves [px]."""
-    world = params(experiment)
-    line = Pinhole(world.camera, world.view, world.home_m).line(world.start_m, 0.0)
+    """Compute the position of the pivot in the picture before any motion [px]."""
+    plant = params(experiment)
+    camera = Pinhole(plant.camera, plant.view, plant.home_m)
+    line = camera.line(plant.start_m, 0.0)
     if line is None:
-        raise ConfigError("[bench.camera] does not see the cable: move it back or level it")
+        raise ConfigError(
+            "[bench.camera] does not see the cable; it must lie in the picture: "
+            "move the camera back or level it"
+        )
     return line.column_px + line.slope * line.pivot_row_px, line.pivot_row_px
 
 
 def synthetic_video(experiment: Experiment, seconds: float) -> Iterator[TruthRow]:
-    """Frames of a freely swinging load with their truth."""
+    """Generate the frames of a freely swinging load with their true angle."""
     from sim_rig.synthetic import swinging_video
 
     yield from swinging_video(params(experiment), seconds)

@@ -1,4 +1,4 @@
-"""A synthetic video with its truth on disk: both complete, or neither."""
+"""Synthetic video and its true angles as files: both complete, or neither."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rig.errors import ConfigError
 from rig.run.config import Experiment
 from rig.studies.vision import bench
 
-CODECS = {".avi": "FFV1", ".mkv": "FFV1", ".mp4": "mp4v"}  # FFV1 loses nothing
+CODECS = {".avi": "FFV1", ".mkv": "FFV1", ".mp4": "mp4v"}  # FFV1 is lossless
 
 
 def write_video(
@@ -22,27 +22,28 @@ def write_video(
     truth: Path,
     progress: Callable[[int], None],
 ) -> int:
-    """Render a load swinging freely at home; returns the number of frames.
+    """Render a load swinging freely at home; return the number of frames.
 
-    truth: frame, t_s (the video's own time, frame / rate), angle_rad at that frame's mid-exposure. What is there already
-    is replaced only at the end. Raises ConfigError for an ending without codec, a camera without rate, a place that cannot
-    be written.
+    Columns of truth: frame, t_s (time of the video, frame / rate), angle_rad at mid-exposure of
+    that frame. Existing files are replaced only at the end. Raises ConfigError for an ending
+    without codec, a camera without frame rate, a place that cannot be written.
     """
     if video.suffix not in CODECS:
         raise ConfigError(
             f"--video {video}: ending '{video.suffix}' is not known; use one of {', '.join(CODECS)}"
         )
-    size, rate_hz = (experiment.camera.width, experiment.camera.height), experiment.camera.rate_hz
+    rate_hz = experiment.camera.rate_hz
     if rate_hz == 0:
         raise ConfigError("[camera] rate_hz = 0: no pictures to write; set it to 50")
-    drafts = video.with_name(f".new-{video.name}"), truth.with_name(f".new-{truth.name}")
+    size = (experiment.camera.width, experiment.camera.height)
+    codec = cv2.VideoWriter.fourcc(*CODECS[video.suffix])
+    new_video = video.with_name(f".new-{video.name}")
+    new_truth = truth.with_name(f".new-{truth.name}")
     frames = 0
-    with drafts[1].open("w", newline="") as file:
-        writer = cv2.VideoWriter(
-            str(drafts[0]), cv2.VideoWriter.fourcc(*CODECS[video.suffix]), rate_hz, size
-        )
+    with new_truth.open("w", newline="") as file:
+        writer = cv2.VideoWriter(str(new_video), codec, rate_hz, size)
         if not writer.isOpened():
-            drafts[1].unlink()
+            new_truth.unlink()
             raise ConfigError(
                 f"--video {video}: cannot be written; is the folder there and writable?"
             )
@@ -54,6 +55,6 @@ def write_video(
             frames = frame + 1
             progress(frames)
         writer.release()
-    drafts[0].replace(video)
-    drafts[1].replace(truth)
+    new_video.replace(video)
+    new_truth.replace(truth)
     return frames

@@ -50,7 +50,7 @@ def offsets(
 ) -> int:
     """Drive to five points, watch two periods at each, fit offset, pivot and scale, write the table."""
     changes = [*(overrides or []), *([f"experiment.seed={seed}"] if seed is not None else [])]
-    chosen = calibration_run.experiment_for(config.load(name, changes))
+    chosen = calibration_run.experiment_for(config.read_experiment(name, changes))
     tour = calibration_run.tour(chosen)
     with Progress(console=err, disable=as_json, transient=True) as bar:
         line = bar.add_task("calibrating", total=None)
@@ -72,7 +72,7 @@ def offsets(
         )
     if ran.outcome.exit_code:
         raise Stopped("; ".join(ran.outcome.reasons), ran.outcome.exit_code)
-    found, calibration = calibration_run.fit(RunLog.open(ran.folder / LOG), chosen, tour.stands_s)
+    found, calibration = calibration_run.fit(RunLog.open(ran.folder / LOG), chosen, tour.dwells_s)
     path = output or calibration_run.default_path(Path(), calibration)
     calibration_file.save(calibration, path)
     if as_json:

@@ -19,7 +19,7 @@ from planners.models.model import INPUTS, LAG_S, cart_of
 from planners.problem import Limits, Plan, Problem
 from rig.errors import REFUSED, ConfigError
 from rig.run.config import LimitsSection, ModelSection
-from rig.run.load_model import model_of
+from rig.run.load_model import build_model
 from rig.ui.cli.output import out, print_json
 from rig.ui.plots import picture_file
 
@@ -143,7 +143,7 @@ def plan(
     problem = Problem(
         distance_m=distance,
         time_s=time,
-        model=model_of(believed),
+        model=build_model(believed),
         input=model,
         lag_s=lag,
         robust=tuple(forgiven),

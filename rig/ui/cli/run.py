@@ -48,7 +48,7 @@ def run(
     changes = [*(overrides or []), *([f"experiment.seed={seed}"] if seed is not None else [])]
     planners = [one.strip() for one in planner.split(",") if one.strip()] if planner else [None]
     chosen = [
-        config.load(name, [*changes, *([f"experiment.planner={one}"] if one else [])])
+        config.read_experiment(name, [*changes, *([f"experiment.planner={one}"] if one else [])])
         for one in planners
     ]
     if planner and chosen[0].move.waypoints:
@@ -103,7 +103,7 @@ def _run_one(
         ) from None
 
 
-def _tell(ran: experiment.Ran, quiet: bool, report: bool, run_s: float) -> Summary:
+def _tell(ran: experiment.FinishedRun, quiet: bool, report: bool, run_s: float) -> Summary:
     """Analyse, report and print what was run."""
     ended = stopwatch_s()
     analysis = RunAnalysis(ran.folder / LOG)
@@ -125,7 +125,7 @@ def _tell(ran: experiment.Ran, quiet: bool, report: bool, run_s: float) -> Summa
 
 
 def _stage(done_s: float, e: config.Experiment) -> str:
-    if not e.moves:
+    if not e.has_move:
         return "watching"
     if done_s < e.experiment.quiet_s:
         return "quiet"

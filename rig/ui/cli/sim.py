@@ -36,7 +36,7 @@ def sim(
 ) -> int:
     """Render a load swinging freely at home, as the rig's camera sees it, and write down where it really was."""
     changes = [*(overrides or []), *([f"experiment.seed={seed}"] if seed is not None else [])]
-    chosen = config.load(name, changes)
+    chosen = config.read_experiment(name, changes)
     with Progress(console=err, transient=True, disable=as_json) as bar:
         line = bar.add_task("rendering", total=round(seconds * chosen.camera.rate_hz))
         frames = write_video(

@@ -1,4 +1,4 @@
-"""The decay fit against a pendulum integrated by someone else, and against the Cramer-Rao bound."""
+"""The decay fit against a pendulum integrated by scipy, and against the Cramer-Rao bound."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rig.analysis.identify.decay import (
     cable_length_m,
     cable_length_sigma_m,
     fit_decay,
-    identifiable,
+    is_identifiable,
 )
 from rig.analysis.identify.errors import AnalysisError
 
@@ -125,7 +125,7 @@ def test_the_model_is_the_nonlinear_pendulum(
 
 
 @pytest.mark.parametrize(("average_frames", "missing"), [(1, 0.0), (3, 0.0), (3, 0.05)])
-def test_the_spread_is_the_cramer_rao_bound_and_the_reported_sigma_tells_it(
+def test_the_scatter_is_the_cramer_rao_bound_and_equals_the_reported_sigma(
     average_frames: int, missing: float
 ) -> None:
     rng = np.random.default_rng(7)
@@ -136,7 +136,7 @@ def test_the_spread_is_the_cramer_rao_bound_and_the_reported_sigma_tells_it(
     )
     t = np.linspace(-half * PERIOD_S, (499 + half) * PERIOD_S, 500 + 2 * half)
     clean, inner = damped_sinusoid(t, truth), t[half : t.size - half]
-    found, told = [], []
+    found, reported = [], []
     for _ in range(250):
         keep = rng.random(inner.size) >= missing
         keep[0] = True
@@ -145,10 +145,10 @@ def test_the_spread_is_the_cramer_rao_bound_and_the_reported_sigma_tells_it(
             inner[keep], samples[keep], average_frames=average_frames, frame_period_s=PERIOD_S
         )
         found.append(values(fit))
-        told.append(sigmas(fit))
+        reported.append(sigmas(fit))
     spread, bound = np.std(found, axis=0), cramer_rao_sigma(t, truth, noise_rad)
     assert np.all(spread < 1.15 * bound)
-    np.testing.assert_allclose(np.median(told, axis=0), spread, rtol=0.15)
+    np.testing.assert_allclose(np.median(reported, axis=0), spread, rtol=0.15)
     bias = np.mean(found, axis=0) - truth
     assert np.all(
         np.abs(bias) < 4 * spread / math.sqrt(250) + [0, 0, 4e-8, 0, 0]
@@ -176,7 +176,7 @@ def test_true_stamps_may_be_jittered_and_missing() -> None:
     assert fit.damping_ratio == pytest.approx(DAMPING_RATIO, rel=1e-5)
 
 
-def test_averaging_hides_nothing_of_the_amplitude() -> None:
+def test_averaging_does_not_reduce_the_fitted_amplitude() -> None:
     t = np.arange(0, 12, PERIOD_S)
     frames = pendulum(t, 0.05, frequency_hz=1.5)
     fit = fit_decay(t[7:-7], averaged(frames, 15), average_frames=15, frame_period_s=PERIOD_S)
@@ -231,21 +231,21 @@ def test_the_swing_is_found_from_less_than_a_period_up_at_any_phase_and_offset(
 
 
 @pytest.mark.parametrize("average_frames", [1, 3])
-def test_noise_alone_is_not_called_a_swing(average_frames: int) -> None:
+def test_noise_alone_gives_no_significant_swing(average_frames: int) -> None:
     rng = np.random.default_rng(9)
     t = np.arange(0, 10, PERIOD_S)
     for _ in range(60):
         noise = averaged(rng.normal(0, 1e-5, t.size + average_frames - 1), average_frames)
         fit = fit_decay(t, noise, average_frames=average_frames)
-        assert not identifiable(fit.natural_frequency_hz, fit.sigma_natural_frequency_hz)
-        assert not identifiable(fit.amplitude_rad, fit.sigma_amplitude_rad)
+        assert not is_identifiable(fit.natural_frequency_hz, fit.sigma_natural_frequency_hz)
+        assert not is_identifiable(fit.amplitude_rad, fit.sigma_amplitude_rad)
 
 
 def test_a_value_is_identifiable_up_to_a_sigma_of_half_of_it() -> None:
-    assert identifiable(-2.0, 1.0)
-    assert not identifiable(2.0, 1.01)
-    assert not identifiable(2.0, math.inf)
-    assert not identifiable(2.0, math.nan)
+    assert is_identifiable(-2.0, 1.0)
+    assert not is_identifiable(2.0, 1.01)
+    assert not is_identifiable(2.0, math.inf)
+    assert not is_identifiable(2.0, math.nan)
 
 
 def test_the_length_sigma_is_the_derivative_of_the_length() -> None:
@@ -262,7 +262,7 @@ T = PERIOD_S * np.arange(100)
     [
         (T[:19], np.cos(3 * T[:19]), 1, "19 samples; need 20"),
         (T, np.cos(1.5 * T), 1, "0.4. periods in 1.98 s; need 0.8"),
-        (T, np.full(100, 0.002), 1, "nothing swings"),
+        (T, np.full(100, 0.002), 1, "in all 100 samples; must vary"),
         (T, np.where(T < 1, np.nan, 1.0), 1, "finite"),
         (T[::-1], np.cos(T), 1, "stamps must rise"),
         (T, np.cos(T[:50]), 1, r"\(100,\).*\(50,\)"),
@@ -271,7 +271,7 @@ T = PERIOD_S * np.arange(100)
         (T[:20], np.cos(15 * T[:20]), 400, "degrees of freedom"),
     ],
 )
-def test_data_that_cannot_carry_a_fit_are_refused_with_the_reason(
+def test_data_insufficient_for_a_fit_are_refused_with_the_reason(
     t_s: Array, angle_rad: Array, average_frames: int, message: str
 ) -> None:
     with pytest.raises(AnalysisError, match=message):

@@ -1,4 +1,4 @@
-"""Delays that were put in by hand are found again."""
+"""Delays: known delays are found."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_a_servo_is_late_by_the_sum_of_its_time_constants() -> None:
     assert command_latency_s(t[::5], actual[::5], plan) == pytest.approx(2 * zeta / w, abs=1e-3)
 
 
-def test_a_steady_error_of_the_platform_shifts_the_delay_by_what_least_squares_says() -> None:
+def test_a_steady_error_of_the_platform_shifts_the_delay_as_least_squares_predicts() -> None:
     t, error_m = np.arange(0, 10, 0.01), 1e-4
     speed_squared = (
         10 / 7 * DISTANCE_M**2 / TIME_S
@@ -66,13 +66,13 @@ def test_without_a_move_there_is_no_delay() -> None:
     assert command_latency_s(t[:3], plan(t[:3]), plan) is None
 
 
-def test_a_delay_out_of_the_searched_range_is_not_made_up() -> None:
+def test_a_delay_outside_the_searched_range_gives_none() -> None:
     t = np.arange(0, 10, 0.01)
     assert command_latency_s(t, plan(t - 0.9), plan) is None
 
 
 def truth(t_s: Array) -> tuple[Array, Array]:
-    """Angle and rate of a swing that a move has just set off."""
+    """Angle and rate of a swing after a move."""
     fall = 0.05 * np.exp(-0.02 * t_s)
     angle = fall * np.sin(OMEGA_RAD_S * t_s)
     return np.asarray(angle), np.asarray(
@@ -114,7 +114,7 @@ def test_too_little_truth_is_an_error(known: Array) -> None:
 
 
 def test_a_load_at_rest_cannot_be_aligned() -> None:
-    with pytest.raises(AnalysisError, match="no best delay"):
+    with pytest.raises(AnalysisError, match="the mismatch has no minimum"):
         alignment_s(
             STAMPS, np.zeros_like(STAMPS), KNOWN, np.zeros_like(KNOWN), np.zeros_like(KNOWN)
         )

@@ -1,4 +1,4 @@
-"""Swing amplitudes and the Hermite truth against closed forms."""
+"""Swing amplitudes and the interpolated truth against closed forms."""
 
 from __future__ import annotations
 
@@ -85,12 +85,12 @@ def test_the_truth_between_its_stamps_is_true() -> None:
 
 
 @pytest.mark.parametrize("t_s", [-0.001, 1.001])
-def test_the_truth_is_not_told_outside_its_stamps(t_s: float) -> None:
+def test_the_truth_is_not_extrapolated_beyond_its_stamps(t_s: float) -> None:
     with pytest.raises(AnalysisError, match=r"truth covers \[0.000, 1.000\] s"):
         truth_at(np.array([0.5, t_s]), np.array([0.0, 1.0]), np.zeros(2), np.zeros(2))
 
 
-def test_no_truth_at_all_is_an_error_and_no_question_is_none() -> None:
+def test_an_empty_truth_is_an_error_unless_no_instant_is_requested() -> None:
     with pytest.raises(AnalysisError, match="truth covers nothing"):
         truth_at(np.array([0.5]), np.array([]), np.array([]), np.array([]))
     assert truth_at(np.array([]), np.array([0.0, 1.0]), np.zeros(2), np.zeros(2)).size == 0

@@ -1,4 +1,4 @@
-"""The calibration file: what is written is what is read, and a file that does not fit is refused."""
+"""The calibration file: what is written is read back, and a file that does not fit is refused."""
 
 from __future__ import annotations
 
@@ -32,22 +32,22 @@ CALIBRATION = Calibration(
 
 
 def asking_for(calibration: str, *overrides: str) -> Experiment:
-    """The move, with another calibration."""
-    base = config.load("move", list(overrides))
+    """Shipped move with another calibration."""
+    base = config.read_experiment("move", list(overrides))
     return msgspec.structs.replace(
         base, vision=msgspec.structs.replace(base.vision, calibration=calibration)
     )
 
 
 def saved(path: Path, calibration: Calibration = CALIBRATION) -> str:
-    """Name of the file it was written to."""
+    """Write a calibration; return the name of the file."""
     file = path / "calibration.toml"
     calibration_file.save(calibration, file)
     return str(file)
 
 
 def refusal(calibration: str, *overrides: str) -> str:
-    """What the operator is told."""
+    """Error text of a refused calibration."""
     with pytest.raises(ConfigError) as error:
         calibration_file.find(asking_for(calibration, *overrides))
     return str(error.value)
@@ -111,7 +111,7 @@ def test_saving_makes_the_folder_it_is_to_lie_in(tmp_path: Path) -> None:
 def test_shipped_is_the_newest_one_shipped_and_fits_the_shipped_experiments() -> None:
     newest = config.shipped_calibrations()[-1]
     for experiment in config.shipped():
-        name, calibration = calibration_file.find(config.load(experiment, []))
+        name, calibration = calibration_file.find(config.read_experiment(experiment, []))
         assert name == newest
         assert calibration is not None
         assert calibration == convert(config.read_shipped_calibration(newest), Calibration)
@@ -125,7 +125,7 @@ def test_shipped_is_the_newest_one_shipped_and_fits_the_shipped_experiments() ->
         pytest.param("nowhere.toml", "camera.rate_hz=0", id="no_camera_and_no_file"),
     ],
 )
-def test_none_is_looked_for_when_none_is_needed(calibration: str, override: str) -> None:
+def test_no_calibration_is_read_when_none_is_needed(calibration: str, override: str) -> None:
     assert calibration_file.find(asking_for(calibration, override)) == (calibration, None)
 
 
@@ -137,7 +137,7 @@ def test_a_missing_file_is_answered_with_how_to_make_one() -> None:
     assert config.shipped_calibrations()[-1] in text
 
 
-def test_with_none_shipped_the_word_shipped_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_shipped_is_refused_when_none_is_shipped(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(config, "shipped_calibrations", list)
     assert refusal("shipped") == (
         "[vision] calibration = 'shipped': none is shipped; make one with `rig calibrate offsets`"
@@ -151,7 +151,9 @@ def test_a_calibration_of_another_picture_size_is_refused_with_both_sizes(
     text = refusal(saved(tmp_path), override)
     key, _, size = override.partition("=")
     expected = (int(size), 480) if key.endswith("width") else (640, int(size))
-    assert f"is for pictures of (640, 480); [camera] says {expected}: calibrate again" in text
+    assert (
+        f"is for pictures of (640, 480); must be {expected} as in [camera]: calibrate again" in text
+    )
 
 
 @pytest.mark.parametrize(

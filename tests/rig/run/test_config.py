@@ -1,4 +1,4 @@
-"""The experiment file: every kind of mistake is named with section, key, value, bound and the nearest key."""
+"""The experiment file: a mistake is named with section, key, value, bound and nearest key."""
 
 from __future__ import annotations
 
@@ -24,25 +24,25 @@ LINKS = "reference, setpoint, joint_state, robot_state, platform, frame, angle"
 
 
 def said(path: Path, text: str) -> str:
-    """The error of a file with this text."""
+    """Error of a file with this text."""
     file = path / "mine.toml"
     file.write_text(text)
     with pytest.raises(ConfigError) as error:
-        config.load(str(file), [])
+        config.read_experiment(str(file), [])
     assert error.value.exit_code == USAGE
     return str(error.value)
 
 
 def said_of_override(override: str) -> str:
-    """The error of --set."""
+    """Error of --set."""
     with pytest.raises(ConfigError) as error:
-        config.load("move", [override])
+        config.read_experiment("move", [override])
     return str(error.value)
 
 
 @pytest.mark.parametrize("name", config.shipped())
 def test_every_shipped_experiment_loads_and_bears_its_name(name: str) -> None:
-    assert config.load(name, []).experiment.name == name
+    assert config.read_experiment(name, []).experiment.name == name
 
 
 def test_there_are_shipped_experiments() -> None:
@@ -52,28 +52,29 @@ def test_there_are_shipped_experiments() -> None:
 def test_the_smallest_file_is_a_name_and_everything_else_has_a_default(tmp_path: Path) -> None:
     file = tmp_path / "mine.toml"
     file.write_text(SMALLEST)
-    assert config.load(str(file), []) == Experiment(
+    assert config.read_experiment(str(file), []) == Experiment(
         experiment=config.ExperimentSection(name="mine")
     )
 
 
 def test_a_whole_number_is_good_where_a_decimal_is_meant() -> None:
-    assert config.load("move", ["move.time_s=2"]).move.time_s == 2.0
+    assert config.read_experiment("move", ["move.time_s=2"]).move.time_s == 2.0
 
 
 MISTAKES = {
     "an unknown section": (
         SMALLEST + "[mov]\ntime_s = 1",
-        f"mov: unknown key, did you mean 'move'?; known here: {SECTIONS}",
+        f"mov: unknown key, did you mean 'move'?; known keys: {SECTIONS}",
     ),
     "an unknown key with a near one": (
         SMALLEST + "[move]\ndistanc_m = 0.2",
         "[move] distanc_m: unknown key, did you mean 'distance_m'?; "
-        "known here: axis, start_m, distance_m, time_s, waypoints, spline, allocation",
+        "known keys: axis, start_m, distance_m, time_s, waypoints, spline, allocation",
     ),
     "an unknown key with none near": (
         SMALLEST + "[plan]\nqqq = 1",
-        "[plan] qqq: unknown key; known here: input, nonlinear, robust, law, state_weights, input_weight",
+        "[plan] qqq: unknown key; "
+        "known keys: input, nonlinear, robust, law, state_weights, input_weight",
     ),
     "an unknown link": (
         SMALLEST + "[links.refrence]\nloss = 0.1",
@@ -85,57 +86,61 @@ MISTAKES = {
     ),
     "an unknown key of a link": (
         SMALLEST + "[links.angle]\ndelay = 3",
-        "[links.angle] delay: unknown key, did you mean 'delay_ms'?; known here: delay_ms, jitter_ms, loss, burst",
+        "[links.angle] delay: unknown key, did you mean 'delay_ms'?; "
+        "known keys: delay_ms, jitter_ms, loss, burst",
     ),
     "a link out of bounds": (
         SMALLEST + "[links.angle]\nloss = 1.5",
-        "[links.angle] loss = 1.5: expected `float` < 1.0; change it to fit",
+        "[links.angle] loss = 1.5: expected `float` < 1.0; correct the value",
     ),
     "a link that is no table": (
         SMALLEST + "[links]\nangle = 3",
-        "[links] angle = 3: expected `object`, got `int`; change it to fit",
+        "[links] angle = 3: expected `object`, got `int`; correct the value",
     ),
     "links that are no table": (
         "links = [1]\n" + SMALLEST,
-        "links = [1]: expected `object`, got `array`; change it to fit",
+        "links = [1]: expected `object`, got `array`; correct the value",
     ),
     "a section that is no table": (
         "move = 3\n" + SMALLEST,
-        "move = 3: expected `object`, got `int`; change it to fit",
+        "move = 3: expected `object`, got `int`; correct the value",
     ),
     "a missing section": ("", "section experiment: missing; add it"),
     "a missing key": ("[experiment]\nseed = 1", "[experiment] name: missing; add it"),
     "a word for a number": (
         SMALLEST + '[move]\ntime_s = "long"',
-        "[move] time_s = 'long': expected `float`, got `str`; change it to fit",
+        "[move] time_s = 'long': expected `float`, got `str`; correct the value",
     ),
     "a truth value for a number": (
         SMALLEST + "[move]\ntime_s = true",
-        "[move] time_s = True: expected `float`, got `bool`; change it to fit",
+        "[move] time_s = True: expected `float`, got `bool`; correct the value",
     ),
     "a decimal for a count": (
         SMALLEST + "[camera]\nwidth = 64.5",
-        "[camera] width = 64.5: expected `int`, got `float`; change it to fit",
+        "[camera] width = 64.5: expected `int`, got `float`; correct the value",
     ),
     "a number for a word": (
         SMALLEST + "[plan]\nlaw = 3",
-        "[plan] law = 3: expected `str`, got `int`; change it to fit",
+        "[plan] law = 3: expected `str`, got `int`; correct the value",
     ),
     "a word that is none of the allowed": (
         '[experiment]\nname = "mine"\nkind = "mov"',
-        "[experiment] kind = 'mov': must be one of 'move', 'free_decay', did you mean 'move'?; change it to fit",
+        "[experiment] kind = 'mov': must be one of 'move', 'free_decay', did you mean 'move'?; "
+        "correct the value",
     ),
     "a name with a blank": (
         '[experiment]\nname = "my run"',
-        "[experiment] name = 'my run': expected `str` matching regex '^[A-Za-z0-9_\\\\-]{1,60}$'; change it to fit",
+        "[experiment] name = 'my run': expected `str` matching regex '^[A-Za-z0-9_\\\\-]{1,60}$'; "
+        "correct the value",
     ),
     "a list that is too long": (
         SMALLEST + "[vision]\nrough_pivot_px = [1, 2, 3]",
-        "[vision] rough_pivot_px = [1, 2, 3]: expected `array` of length 2, got 3; change it to fit",
+        "[vision] rough_pivot_px = [1, 2, 3]: expected `array` of length 2, got 3; "
+        "correct the value",
     ),
     "a wrong element of a list": (
         SMALLEST + '[vision]\nrough_pivot_px = [1, "a"]',
-        "[vision.rough_pivot_px] 1 = 'a': expected `float`, got `str`; change it to fit",
+        "[vision.rough_pivot_px] 1 = 'a': expected `float`, got `str`; correct the value",
     ),
 }
 
@@ -201,7 +206,7 @@ def bounded_numbers(
 
 @pytest.mark.parametrize("key", list(bounded_numbers()))
 @pytest.mark.parametrize("value", ["nan", "inf", "-inf"])
-def test_no_number_of_the_file_may_be_endless_or_none(key: str, value: str) -> None:
+def test_every_number_of_the_file_must_be_finite(key: str, value: str) -> None:
     assert said_of_override(f"{key}={value}").startswith(
         f"[{key.rpartition('.')[0]}] {key.rpartition('.')[2]} = {value}: "
     )
@@ -221,12 +226,12 @@ def test_a_file_that_is_no_text_is_refused_in_words(tmp_path: Path) -> None:
     file = tmp_path / "picture.toml"
     file.write_bytes(bytes(range(128, 256)))
     with pytest.raises(ConfigError, match="is not valid TOML"):
-        config.load(str(file), [])
+        config.read_experiment(str(file), [])
 
 
 def test_a_missing_file_is_answered_with_what_is_shipped() -> None:
     with pytest.raises(ConfigError) as error:
-        config.load("mov", [])
+        config.read_experiment("mov", [])
     assert str(error.value) == (
         "experiment 'mov': no such file and not a shipped experiment, did you mean 'move'?; "
         f"shipped: {', '.join(config.shipped())}"
@@ -235,7 +240,7 @@ def test_a_missing_file_is_answered_with_what_is_shipped() -> None:
 
 def test_a_folder_is_no_experiment(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="no such file"):
-        config.load(str(tmp_path), [])
+        config.read_experiment(str(tmp_path), [])
 
 
 def test_a_file_that_cannot_be_read_says_so(
@@ -251,7 +256,7 @@ def test_a_file_that_cannot_be_read_says_so(
     with pytest.raises(
         ConfigError, match=r"mine\.toml' cannot be read: Permission denied; check the file"
     ):
-        config.load(str(file), [])
+        config.read_experiment(str(file), [])
 
 
 @pytest.mark.parametrize(
@@ -287,14 +292,14 @@ def test_a_file_that_cannot_be_read_says_so(
 def test_an_override_wins_over_the_file(
     override: str, path: tuple[str, str], value: object
 ) -> None:
-    got: Any = config.load("move", [override])
+    got: Any = config.read_experiment("move", [override])
     for name in path:
         got = getattr(got, name)
     assert got == value
 
 
 def test_overrides_make_links_and_reach_the_bench() -> None:
-    e = config.load(
+    e = config.read_experiment(
         "move", ["links.angle.loss=0.5", "bench.pendulum.length_m=0.7", "links.angle.loss=0.25"]
     )
     assert e.links["angle"].loss == 0.25
@@ -302,14 +307,17 @@ def test_overrides_make_links_and_reach_the_bench() -> None:
 
 
 def test_an_override_leaves_everything_else_as_it_was() -> None:
-    plain, changed = config.load("move", []), config.load("move", ["move.time_s=2.5"])
+    plain, changed = (
+        config.read_experiment("move", []),
+        config.read_experiment("move", ["move.time_s=2.5"]),
+    )
     assert msgspec.structs.replace(changed, move=plain.move) == plain
 
 
 @pytest.mark.parametrize(
     "text", ["move.time_s", "=1", "time_s=1", "move=1", "move..time_s=1", ".time_s=1", ""]
 )
-def test_an_override_that_is_none_is_answered_with_an_example(text: str) -> None:
+def test_an_override_of_another_form_is_answered_with_an_example(text: str) -> None:
     assert (
         said_of_override(text)
         == f"--set '{text}': must be section.key=value, for example --set move.distance_m=0.1"
@@ -329,12 +337,13 @@ def test_an_override_is_checked_like_the_file() -> None:
     )
     assert (
         said_of_override("move.time_s=")
-        == "[move] time_s = '': expected `float`, got `str`; change it to fit"
+        == "[move] time_s = '': expected `float`, got `str`; correct the value"
     )
 
 
 def test_a_free_decay_moves_nothing_and_a_move_moves() -> None:
-    assert (config.load("free_decay", []).moves, config.load("move", []).moves) == (False, True)
+    assert not config.read_experiment("free_decay", []).has_move
+    assert config.read_experiment("move", []).has_move
 
 
 def places(tables: dict[str, Any], above: tuple[str, ...] = ()) -> Iterator[str]:
@@ -346,7 +355,7 @@ def places(tables: dict[str, Any], above: tuple[str, ...] = ()) -> Iterator[str]
             yield from places(value, (*above, key))
 
 
-PLACES = sorted(places(msgspec.to_builtins(config.load("dropouts", []))))
+PLACES = sorted(places(msgspec.to_builtins(config.read_experiment("dropouts", []))))
 VALUES = st.one_of(
     st.recursive(
         st.one_of(
@@ -362,7 +371,7 @@ VALUES = st.one_of(
 
 @settings(max_examples=60)
 @given(place=st.sampled_from(PLACES), tail=st.sampled_from(["", "", ".a", "x"]), value=VALUES)
-def test_whatever_stands_in_the_file_it_is_an_experiment_or_an_error_in_words(
+def test_any_content_of_the_file_is_an_experiment_or_an_error_in_words(
     place: str, tail: str, value: str
 ) -> None:
     key = place + tail
@@ -378,8 +387,8 @@ def test_whatever_stands_in_the_file_it_is_an_experiment_or_an_error_in_words(
 
 
 def outcome(override: str) -> Experiment | str:
-    """An experiment, or what is wrong with it."""
+    """Experiment, or the text of its error."""
     try:
-        return config.load("dropouts", [override])
+        return config.read_experiment("dropouts", [override])
     except ConfigError as error:
         return str(error)

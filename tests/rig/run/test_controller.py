@@ -1,4 +1,4 @@
-"""The controller task: bumpless arming, the setpoint grid, and peers that fall silent."""
+"""The controller task: bumpless arming, the setpoint grid, and stale inputs."""
 
 from __future__ import annotations
 
@@ -32,30 +32,30 @@ PARKED = (0.05, 0.01, -0.02)
 
 
 def order(verb: Verb, t_ns: int = 0, id: int = 7) -> Command:
-    """What the operator asks."""
+    """Order of the operator."""
     t_start_ns = T_START_NS if verb is Verb.START else 0
     return Command(seq=0, t_ns=t_ns, id=id, to="controller", verb=verb, t_start_ns=t_start_ns)
 
 
 def joints(t_ns: int, position_m: Position = PARKED) -> JointState:
-    """What the encoders read."""
+    """Joint state from the encoders."""
     return JointState(seq=0, t_ns=t_ns, position_m=position_m, velocity_m_s=(0.1, 0.2, 0.3))
 
 
 def reference(x_m: float, t_target_ns: int) -> Reference:
-    """A place along X."""
+    """Reference at a position along X."""
     return Reference(
         seq=0, t_ns=t_target_ns, t_target_ns=t_target_ns, position_m=(x_m, 0.01, -0.02)
     )
 
 
 def tell(controller: ControllerTask, message: Message, t_ns: int) -> Step:
-    """Hand a message over."""
+    """Pass a message to the task."""
     return controller.on_message("-", message, t_ns)
 
 
 def replies(step: Step) -> list[Reply]:
-    """Answers and news of a step."""
+    """Answers and reports of a step."""
     return [send.message for send in step.sends if isinstance(send.message, Reply)]
 
 
@@ -65,7 +65,7 @@ def setpoints(step: Step) -> list[Setpoint]:
 
 
 def after(*verbs: Verb) -> ControllerTask:
-    """A controller that knows the robot and got these orders at 600 ms, t_start."""
+    """Controller with a joint state, after these orders at 600 ms, t_start."""
     controller = ControllerTask(ControllerSettings(reference_stale_ns=STALE_NS))
     controller.start(T_START_NS - TICK_NS)
     tell(controller, joints(T_START_NS), T_START_NS)
@@ -81,7 +81,7 @@ def run(
     refer: Callable[[int], float | None] = lambda k: None,
     encoders: bool = True,
 ) -> list[Step]:
-    """Ticks counted from t_start; before each the encoders speak, and refer(k) may give a reference."""
+    """Ticks from t_start on; before each, a joint state, and a reference if refer(k) gives one."""
     steps = []
     for k in ticks:
         t_ns = T_START_NS + k * TICK_NS
@@ -100,7 +100,7 @@ def xs(steps: list[Step]) -> list[float]:
 
 
 def news(steps: list[Step]) -> list[Reply]:
-    """All that was said."""
+    """Answers and reports of all steps."""
     return [r for step in steps for r in replies(step)]
 
 
@@ -113,7 +113,7 @@ def test_the_first_wake_is_the_next_instant_of_the_grid_of_the_run_clock(t_ns: i
 
 
 @given(lateness=st.lists(st.integers(0, 4 * TICK_NS), min_size=1, max_size=40))
-def test_however_late_it_wakes_it_asks_for_the_grid_and_counts_what_it_skipped(
+def test_a_late_wake_keeps_the_grid_and_counts_the_skipped_ticks(
     lateness: list[int],
 ) -> None:
     controller = after(Verb.ARM)
@@ -176,7 +176,7 @@ def test_setpoints_and_states_are_counted_without_a_gap() -> None:
         assert counts == list(range(10))
 
 
-def test_a_question_in_mid_move_changes_nothing() -> None:
+def test_a_status_order_in_mid_move_changes_nothing() -> None:
     controller, undisturbed = after(Verb.ARM, Verb.START), after(Verb.ARM, Verb.START)
     run(controller, range(3), lambda k: 0.056)
     assert replies(tell(controller, order(Verb.STATUS), T_START_NS + 11 * MS))[0].ok
@@ -205,7 +205,7 @@ def test_before_arming_the_state_commands_where_the_robot_stands() -> None:
     assert [s.commanded_m for s in states] == [PARKED, PARKED]
 
 
-def test_a_robot_nobody_heard_of_has_no_state() -> None:
+def test_no_state_is_sent_before_the_first_joint_state() -> None:
     controller = ControllerTask(ControllerSettings(reference_stale_ns=STALE_NS))
     controller.start(0)
     assert [controller.on_tick(k * TICK_NS).sends for k in range(1, 5)] == [()] * 4
@@ -217,7 +217,7 @@ def test_a_controller_without_encoders_refuses_to_say_it_is_ready_or_to_arm(verb
     controller.start(0)
     (reply,) = replies(tell(controller, order(verb, id=12), 0))
     assert (reply.id, reply.ok, reply.phase) == (12, False, Phase.IDLE)
-    assert reply.text == "the robot's encoders are silent: is the bench running?"
+    assert reply.text == "no joint state arrives from the encoders: is the bench running?"
 
 
 @pytest.mark.parametrize(("age_ms", "ok"), [(100, True), (101, False)])
@@ -256,7 +256,7 @@ def test_only_the_newest_reference_counts_whatever_the_order_of_arrival() -> Non
     assert xs(run(controller, range(6)))[-1] == pytest.approx(0.056)
 
 
-def test_a_hole_in_the_references_is_held_and_then_caught_up() -> None:
+def test_a_gap_in_the_references_is_held_and_then_caught_up() -> None:
     got = xs(
         run(
             after(Verb.ARM, Verb.START),
@@ -272,19 +272,19 @@ def test_stale_references_stop_the_robot_where_it_is_with_exit_5() -> None:
     controller = after(Verb.ARM, Verb.START)
     run(controller, range(8), lambda k: 0.056)
     steps = run(controller, range(8, 100))
-    (told,) = news(steps)
+    (report,) = news(steps)
     silent_for = next(k for k, step in enumerate(steps, 8) if replies(step)) - 7
     assert silent_for == STALE_NS // TICK_NS + 1  # 300 ms are still good
-    assert (told.id, told.ok, told.exit, told.phase) == (0, False, 5, Phase.STOPPED)
-    assert "no reference for 305 ms; must be <= 300 ms (safety.reference_stale_ms)" in told.text
+    assert (report.id, report.ok, report.exit, report.phase) == (0, False, 5, Phase.STOPPED)
+    assert "no reference for 305 ms; must be <= 300 ms (safety.reference_stale_ms)" in report.text
     assert xs(steps) == [pytest.approx(0.056)] * len(steps)
 
 
-def test_references_that_never_come_are_noticed_from_t_start_on() -> None:
+def test_missing_references_are_detected_from_t_start_on() -> None:
     controller = after(Verb.ARM, Verb.START)
     assert news(run(controller, range(STALE_NS // TICK_NS + 1))) == []
-    (told,) = news(run(controller, range(STALE_NS // TICK_NS + 1, STALE_NS // TICK_NS + 2)))
-    assert told.exit == 5
+    (report,) = news(run(controller, range(STALE_NS // TICK_NS + 1, STALE_NS // TICK_NS + 2)))
+    assert report.exit == 5
 
 
 def test_after_a_stale_stop_new_references_move_nothing() -> None:
@@ -296,17 +296,17 @@ def test_after_a_stale_stop_new_references_move_nothing() -> None:
 @pytest.mark.parametrize("verbs", [(Verb.ARM,), (Verb.ARM, Verb.START)], ids=["armed", "running"])
 def test_silent_encoders_are_a_fault_after_100_ms(verbs: tuple[Verb, ...]) -> None:
     steps = run(after(*verbs), range(40), lambda k: 0.06, encoders=False)
-    ((k, told),) = [(k, r) for k, step in enumerate(steps) for r in replies(step)]
+    ((k, report),) = [(k, r) for k, step in enumerate(steps) for r in replies(step)]
     assert k == 21
-    assert (told.id, told.ok, told.exit, told.phase) == (0, False, 5, Phase.FAULT)
-    assert (
-        told.text
-        == "no joint state for 105 ms; must be <= 100 ms (safety.robot_stale_ms): is the bench running?"
+    assert (report.id, report.ok, report.exit, report.phase) == (0, False, 5, Phase.FAULT)
+    assert report.text == (
+        "no joint state for 105 ms; must be <= 100 ms (safety.robot_stale_ms): "
+        "is the bench running?"
     )
     assert len(set(xs(steps[k:]))) == 1, "the setpoint stays where it is"
 
 
-def test_silent_encoders_before_arming_are_nobodys_fault_yet() -> None:
+def test_silent_encoders_before_arming_are_no_fault() -> None:
     assert news(run(after(), range(100), encoders=False)) == []
 
 
@@ -336,7 +336,7 @@ def test_an_emergency_stop_works_without_encoders() -> None:
     assert (reply.ok, reply.phase) == (True, Phase.FAULT)
 
 
-def test_the_last_call_sends_nothing_and_leaves_the_robot_stopped() -> None:
+def test_closing_sends_nothing_and_leaves_the_robot_stopped() -> None:
     controller = after(Verb.ARM, Verb.START)
     before = xs(run(controller, range(3), lambda k: 0.056))
     assert controller.stop(T_START_NS + 11 * MS) == NO_STEP

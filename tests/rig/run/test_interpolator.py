@@ -16,7 +16,7 @@ T_START_NS = 600 * MS
 
 
 def at(x_m: float) -> Position:
-    """A place along X."""
+    """Position along X."""
     return (x_m, 0.0, 0.0)
 
 

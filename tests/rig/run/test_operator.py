@@ -1,4 +1,4 @@
-"""The operator's sequence, by hand-fed replies: connect, arm, start, run, close; and every way to end early."""
+"""The sequence of the operator: connect, arm, start, run, close; and every way to end early."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ import pytest
 from comms.messages import Command, Phase, Reply, RobotState, Verb
 from comms.task import NO_STEP, Step
 from rig.run.tasks.operator import (
-    ANSWER_NS,
-    CONNECT_NS,
-    GRID_NS,
-    LEAD_NS,
+    ANSWER_TIMEOUT_NS,
+    CONNECT_TIMEOUT_NS,
+    MIN_START_DELAY_NS,
     MOVERS,
-    RETRY_NS,
+    RETRY_PERIOD_NS,
+    START_GRID_NS,
     Operator,
     Stage,
 )
@@ -29,7 +29,7 @@ def orders(step: Step) -> list[Command]:
 
 
 def said(step: Step) -> list[tuple[Verb, str]]:
-    """What was asked of whom."""
+    """Verb and receiver of each order of a step."""
     return [(order.verb, order.to) for order in orders(step)]
 
 
@@ -39,7 +39,7 @@ def to_all(verb: Verb, tasks: tuple[str, ...] = TASKS) -> list[tuple[Verb, str]]
 
 
 class Hand:
-    """Feeds an operator by hand: the run clock stands where it is put."""
+    """Operator with hand-fed replies, and a run clock set by the test."""
 
     def __init__(self, tasks: tuple[str, ...] = TASKS) -> None:
         self.operator = Operator(tasks, DURATION_NS)
@@ -47,13 +47,13 @@ class Hand:
         self.id = 0  # of the last order
 
     def do(self, step: Step) -> Step:
-        """Remember the id of what was asked."""
+        """Keep the id of the last order."""
         for order in orders(step):
             self.id = order.id
         return step
 
     def tick(self, t_ns: int) -> Step:
-        """A wake."""
+        """Wake the operator at t_ns."""
         self.t_ns = t_ns
         return self.do(self.operator.on_tick(t_ns))
 
@@ -65,7 +65,7 @@ class Hand:
         exit: int | None = None,
         id: int | None = None,
     ) -> Step:
-        """An answer to the last order, or with id 0 news."""
+        """Answer the last order, or report with id 0."""
         message = Reply(
             seq=0,
             t_ns=self.t_ns,
@@ -79,14 +79,14 @@ class Hand:
         return self.do(self.operator.on_message("reply", message, self.t_ns))
 
     def all_reply(self, tasks: tuple[str, ...] = TASKS) -> Step:
-        """Everybody says yes; the step after the last."""
+        """Confirm for every task; return the last step."""
         id, step = self.id, NO_STEP
         for task in tasks:
             step = self.reply(task, id=id)
         return step
 
     def until(self, stage: Stage) -> Hand:
-        """Everything goes well up to a stage."""
+        """Confirm all orders up to a stage."""
         self.operator.start(0)
         self.tick(0)
         while self.operator.stage is not stage:
@@ -131,7 +131,7 @@ def test_t_start_lies_at_least_half_a_second_ahead_on_a_common_multiple_of_all_p
     hand.all_reply()
     t_start_ns = hand.operator.t_start_ns
     assert t_start_ns is not None
-    assert LEAD_NS <= t_start_ns - t_ns < LEAD_NS + GRID_NS
+    assert MIN_START_DELAY_NS <= t_start_ns - t_ns < MIN_START_DELAY_NS + START_GRID_NS
     assert all(t_start_ns % (period_ms * MS) == 0 for period_ms in (5, 10, 20, 30))
 
 
@@ -150,9 +150,9 @@ def test_nothing_goes_on_before_the_last_task_has_answered(stage: Stage, missing
 def test_while_connecting_it_asks_again_only_those_who_have_not_answered() -> None:
     hand = Hand()
     hand.operator.start(0)
-    assert hand.tick(0).wake_ns == RETRY_NS
+    assert hand.tick(0).wake_ns == RETRY_PERIOD_NS
     hand.all_reply(("bench", "vision"))
-    assert sorted(said(hand.tick(RETRY_NS))) == [
+    assert sorted(said(hand.tick(RETRY_PERIOD_NS))) == [
         (Verb.STATUS, "controller"),
         (Verb.STATUS, "streamer"),
     ]
@@ -163,7 +163,7 @@ def test_an_answer_slower_than_the_retry_is_still_an_answer() -> None:
     hand.operator.start(0)
     first = orders(hand.tick(0))[0].id
     for k in range(1, 4):
-        hand.tick(k * RETRY_NS)
+        hand.tick(k * RETRY_PERIOD_NS)
     for task in TASKS:
         hand.reply(task, id=first)
     assert hand.operator.stage is Stage.ARMING
@@ -212,36 +212,36 @@ def test_a_refused_order_stops_the_movers_and_says_why(
 def test_a_task_that_is_not_ready_yet_is_asked_again() -> None:
     hand = Hand().until(Stage.CONNECTING)
     assert hand.reply("controller", ok=False, text="encoders are silent") == NO_STEP
-    assert (Verb.STATUS, "controller") in said(hand.tick(RETRY_NS))
+    assert (Verb.STATUS, "controller") in said(hand.tick(RETRY_PERIOD_NS))
 
 
-def test_who_never_answers_is_named_with_the_last_word_heard() -> None:
+def test_a_task_that_never_answers_is_named_with_its_last_refusal() -> None:
     hand = Hand().until(Stage.CONNECTING)
     hand.all_reply(("bench", "vision"))
     hand.reply("controller", ok=False, text="encoders are silent")
-    assert hand.tick(CONNECT_NS - 1).wake_ns is not None
+    assert hand.tick(CONNECT_TIMEOUT_NS - 1).wake_ns is not None
     assert hand.operator.stage is Stage.CONNECTING
-    assert said(hand.tick(CONNECT_NS)) == to_all(Verb.ESTOP, ("controller", "streamer"))
+    assert said(hand.tick(CONNECT_TIMEOUT_NS)) == to_all(Verb.ESTOP, ("controller", "streamer"))
     assert hand.operator.exit_code == 5
     assert hand.operator.reasons == [
         "connecting: no answer in time from controller (encoders are silent), streamer"
     ]
 
 
-def test_the_time_to_connect_counts_from_the_first_question() -> None:
+def test_the_time_to_connect_counts_from_the_first_status_order() -> None:
     hand = Hand()
     hand.operator.start(20 * S)
-    hand.tick(20 * S + CONNECT_NS - 1)
+    hand.tick(20 * S + CONNECT_TIMEOUT_NS - 1)
     assert hand.operator.stage is Stage.CONNECTING
-    hand.tick(20 * S + CONNECT_NS)
+    hand.tick(20 * S + CONNECT_TIMEOUT_NS)
     assert hand.operator.stage is Stage.STOPPING
 
 
 @pytest.mark.parametrize("stage", [Stage.ARMING, Stage.STARTING])
-def test_an_order_nobody_answers_in_two_seconds_ends_the_run(stage: Stage) -> None:
+def test_an_order_without_an_answer_in_two_seconds_ends_the_run(stage: Stage) -> None:
     hand = Hand().until(stage)
-    assert hand.tick(ANSWER_NS - 1) == Step(wake_ns=ANSWER_NS)
-    assert said(hand.tick(ANSWER_NS)) == to_all(Verb.ESTOP, ("controller", "streamer"))
+    assert hand.tick(ANSWER_TIMEOUT_NS - 1) == Step(wake_ns=ANSWER_TIMEOUT_NS)
+    assert said(hand.tick(ANSWER_TIMEOUT_NS)) == to_all(Verb.ESTOP, ("controller", "streamer"))
     assert hand.operator.reasons == [
         f"{stage.value}: no answer in time from bench, controller, streamer, vision"
     ]
@@ -250,8 +250,8 @@ def test_an_order_nobody_answers_in_two_seconds_ends_the_run(stage: Stage) -> No
 def test_movers_that_do_not_answer_a_stop_are_closed_all_the_same() -> None:
     hand = Hand().until(Stage.RUNNING)
     hand.operator.end("stopped by the operator", 4, S)
-    assert hand.tick(S + ANSWER_NS - 1) == Step(wake_ns=S + ANSWER_NS)
-    assert said(hand.tick(S + ANSWER_NS)) == to_all(Verb.CLOSE)
+    assert hand.tick(S + ANSWER_TIMEOUT_NS - 1) == Step(wake_ns=S + ANSWER_TIMEOUT_NS)
+    assert said(hand.tick(S + ANSWER_TIMEOUT_NS)) == to_all(Verb.CLOSE)
     assert hand.operator.exit_code == 4
     assert hand.operator.reasons[-1] == "stopping: no answer in time from controller, streamer"
 
@@ -289,7 +289,7 @@ def test_an_emergency_while_stopping_in_order_still_goes_out_and_makes_the_exit_
     assert hand.operator.reasons == ["stop from another terminal", "estop from another terminal"]
 
 
-def test_a_closed_run_hears_nothing_more() -> None:
+def test_a_closed_run_ignores_messages() -> None:
     hand = Hand().until(Stage.RUNNING)
     hand.operator.stop_now("now", 4, 0)
     assert hand.operator.end("again", 5, 1) == NO_STEP
@@ -299,7 +299,7 @@ def test_a_closed_run_hears_nothing_more() -> None:
 
 
 @pytest.mark.parametrize("stage", [Stage.CONNECTING, Stage.ARMING, Stage.STARTING, Stage.RUNNING])
-def test_stopping_now_sends_the_stop_before_the_close_and_waits_for_nobody(stage: Stage) -> None:
+def test_stopping_now_sends_the_stop_before_the_close_without_waiting(stage: Stage) -> None:
     hand = Hand().until(stage)
     step = hand.operator.stop_now("second Ctrl-C", 4, hand.t_ns)
     assert said(step) == to_all(Verb.STOP, ("controller", "streamer")) + to_all(Verb.CLOSE)
@@ -313,36 +313,36 @@ def test_stopping_now_after_an_orderly_stop_closes_at_once() -> None:
 
 
 @pytest.mark.parametrize("gone", TASKS)
-def test_a_lost_task_stops_the_movers_that_are_left_and_nobody_waits_for_it(gone: str) -> None:
+def test_an_exited_task_stops_the_remaining_movers_and_is_not_waited_for(gone: str) -> None:
     hand = Hand().until(Stage.RUNNING)
     left = tuple(task for task in TASKS if task != gone)
     movers = tuple(task for task in left if task in MOVERS)
-    assert said(hand.do(hand.operator.lost(gone, f"task '{gone}' died", 0))) == to_all(
+    assert said(hand.do(hand.operator.on_task_exit(gone, f"task '{gone}' died", 0))) == to_all(
         Verb.ESTOP, movers
     )
     assert said(hand.all_reply(movers)) == to_all(Verb.CLOSE, left)
     assert (hand.operator.exit_code, hand.operator.reasons) == (5, [f"task '{gone}' died"])
 
 
-def test_with_both_movers_lost_the_run_closes_without_waiting() -> None:
+def test_a_run_with_both_movers_exited_closes_without_waiting() -> None:
     hand = Hand().until(Stage.RUNNING)
-    hand.operator.lost("controller", "task 'controller' died", 0)
-    assert said(hand.operator.lost("streamer", "task 'streamer' died", 1)) == to_all(
+    hand.operator.on_task_exit("controller", "task 'controller' died", 0)
+    assert said(hand.operator.on_task_exit("streamer", "task 'streamer' died", 1)) == to_all(
         Verb.CLOSE, ("bench", "vision")
     )
 
 
-def test_the_last_mover_awaited_may_die_while_stopping() -> None:
+def test_the_last_awaited_mover_may_exit_while_stopping() -> None:
     hand = Hand().until(Stage.RUNNING)
     hand.do(hand.operator.end("gate", 5, 0))
     hand.reply("streamer")
-    assert said(hand.operator.lost("controller", "task 'controller' died", 1)) == to_all(
+    assert said(hand.operator.on_task_exit("controller", "task 'controller' died", 1)) == to_all(
         Verb.CLOSE, ("bench", "vision", "streamer")
     )
 
 
 @pytest.mark.parametrize(("code", "verb"), [(3, Verb.STOP), (5, Verb.ESTOP)])
-def test_news_with_an_exit_code_end_the_run_with_it(code: int, verb: Verb) -> None:
+def test_a_report_with_an_exit_code_ends_the_run_with_it(code: int, verb: Verb) -> None:
     hand = Hand().until(Stage.RUNNING)
     step = hand.reply("streamer", ok=False, text="the load swings", exit=code, id=0)
     assert said(step) == to_all(verb, ("controller", "streamer"))
@@ -351,7 +351,7 @@ def test_news_with_an_exit_code_end_the_run_with_it(code: int, verb: Verb) -> No
     assert [event.text for event in hand.operator.events].count("streamer: the load swings") == 1
 
 
-def test_news_without_an_exit_code_are_noted_and_nothing_else() -> None:
+def test_a_report_without_an_exit_code_is_only_logged() -> None:
     hand = Hand().until(Stage.RUNNING)
     assert hand.reply("streamer", text="the load swings 0.1 mrad", id=0) == NO_STEP
     event = hand.operator.events[-1]
@@ -359,7 +359,7 @@ def test_news_without_an_exit_code_are_noted_and_nothing_else() -> None:
     assert hand.operator.stage is Stage.RUNNING
 
 
-def test_news_of_a_fault_that_came_too_late_are_noted_all_the_same() -> None:
+def test_a_report_of_a_fault_after_the_stop_is_logged() -> None:
     hand = Hand().until(Stage.RUNNING)
     hand.operator.end("gate", 5, 0)
     assert hand.reply("controller", ok=False, text="no reference", exit=5, id=0) == NO_STEP

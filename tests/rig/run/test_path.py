@@ -1,4 +1,4 @@
-"""The path of a run, hop by hop in the order of docs/path.md, then the whole loop in virtual time."""
+"""The path of a run in the order of docs/path.md, then the whole loop in virtual time."""
 
 import math
 
@@ -35,7 +35,7 @@ SHORT = ["experiment.quiet_s=0.6", "experiment.watch_s=4", "record.pictures_hz=1
 
 
 def loaded(*changes):
-    return config.load("move", [*SHORT, *changes])
+    return config.read_experiment("move", [*SHORT, *changes])
 
 
 def sent(step, channel):
@@ -64,7 +64,7 @@ def resting(seq, t_ns, x_m=0.0, cls=RobotState):
 # 1 config
 
 
-def test_an_experiment_file_becomes_an_experiment_that_keeps_belief_and_truth_apart():
+def test_an_experiment_keeps_model_and_plant_apart():
     chosen = loaded()
     assert chosen.model.length_m == 1.0
     assert bench.params(chosen).pendulum.length_m == 0.98
@@ -83,13 +83,15 @@ def test_the_plan_of_the_experiment_ends_at_rest_where_it_should():
 # 3 job
 
 
-def test_every_task_is_told_what_it_needs_and_no_task_but_the_bench_is_told_the_truth():
+def test_every_task_gets_its_settings_and_the_bench_alone_gets_the_plant():
     job = prepare(loaded(), plan_move(loaded()), bench.plant(loaded()))
-    told = {name: msgspec.json.encode(settings).decode() for name, settings in job.settings.items()}
-    assert set(told) == {"bench", "controller", "vision", "streamer"}
-    assert "0.98" in told["bench"]
+    encoded = {
+        name: msgspec.json.encode(settings).decode() for name, settings in job.settings.items()
+    }
+    assert set(encoded) == {"bench", "controller", "vision", "streamer"}
+    assert "0.98" in encoded["bench"]
     assert not any(
-        "0.98" in words or "pitch" in words for name, words in told.items() if name != "bench"
+        "0.98" in words or "pitch" in words for name, words in encoded.items() if name != "bench"
     )
 
 
@@ -153,13 +155,13 @@ def test_the_controller_turns_a_reference_into_six_even_setpoints():
 # 6 bench: robot, pendulum, camera
 
 
-def test_the_bench_moves_pushes_the_load_back_and_shows_it():
-    world = bench.task(
+def test_the_bench_moves_swings_the_load_back_and_shows_it():
+    plant = bench.task(
         prepare(loaded(), plan_move(loaded()), bench.plant(loaded())).settings["bench"]
     )
-    world.start(0)
-    world.on_message("setpoint", Setpoint(seq=0, t_ns=3 * MS, position_m=(0.01, 0.0, 0.0)), 3 * MS)
-    sends = [send for t in range(5, 205, 5) for send in world.on_tick(t * MS).sends]
+    plant.start(0)
+    plant.on_message("setpoint", Setpoint(seq=0, t_ns=3 * MS, position_m=(0.01, 0.0, 0.0)), 3 * MS)
+    sends = [send for t in range(5, 205, 5) for send in plant.on_tick(t * MS).sends]
     joints = [s.message for s in sends if s.channel == "joint_state"]
     truths = [s.message for s in sends if s.channel == "truth"]
     frames = [s.message for s in sends if s.channel == "frame"]
@@ -175,12 +177,12 @@ def test_the_bench_moves_pushes_the_load_back_and_shows_it():
 def test_the_tracker_sees_what_the_camera_shows_at_the_instant_it_says():
     changed = loaded("bench.pendulum.initial_swing_rad=0.03")
     settings = prepare(changed, plan_move(changed), bench.plant(changed)).settings
-    world, vision = bench.task(settings["bench"]), VisionTask(settings["vision"])
+    plant, vision = bench.task(settings["bench"]), VisionTask(settings["vision"])
     vision.start(0)
     truth, angles = {}, []
-    sends = list(world.start(0).sends)
+    sends = list(plant.start(0).sends)
     for t in range(5, 505, 5):
-        sends += world.on_tick(t * MS).sends
+        sends += plant.on_tick(t * MS).sends
     for _, message, at_ns in sends:
         if isinstance(message, Truth):
             truth[message.t_ns] = message.angle_rad
@@ -241,7 +243,7 @@ def test_the_loop_ends_well_and_every_packet_is_accounted_for(whole):
     assert whole.summary.lateness.references_late == 0
 
 
-def test_the_loop_finds_the_two_centimetres_the_planner_did_not_know(whole):
+def test_the_run_finds_the_two_centimetres_that_the_model_is_off(whole):
     length, sigma = whole.summary.measured.cable_length_m, whole.summary.sigma.cable_length_m
     assert length == pytest.approx(0.98, abs=max(5 * sigma, 1e-4))
     assert whole.summary.measured.residual_swing_rad == pytest.approx(
@@ -261,7 +263,7 @@ def test_the_latencies_are_those_of_the_source_rig(whole):
     assert 50 < whole.summary.latency_ms.command < 70
 
 
-def test_a_plan_that_believes_the_truth_leaves_the_load_nearly_still(tmp_path):
+def test_a_plan_with_the_true_length_leaves_almost_no_residual_swing(tmp_path):
     ran = experiment.run(
         loaded("bench.pendulum.length_m=1.0"), "virtual", tmp_path, quietly, quietly
     )
@@ -272,22 +274,24 @@ def test_equal_seeds_give_equal_digests_and_other_seeds_others(tmp_path):
     brief = ["experiment.quiet_s=0.6", "experiment.watch_s=0.2", "move.time_s=1.5"]
     digests = []
     for seed in (1, 1, 2):
-        chosen = config.load("move", [*brief, f"experiment.seed={seed}"])
+        chosen = config.read_experiment("move", [*brief, f"experiment.seed={seed}"])
         digests.append(experiment.run(chosen, "virtual", tmp_path, quietly, quietly).outcome.digest)
     assert digests[0] == digests[1]
     assert digests[0] != digests[2]
 
 
-def test_a_free_decay_gives_frequency_and_damping_it_was_not_told(tmp_path):
-    ran = experiment.run(config.load("free_decay", []), "virtual", tmp_path, quietly, quietly)
+def test_a_free_decay_gives_frequency_and_damping_without_a_model_of_them(tmp_path):
+    ran = experiment.run(
+        config.read_experiment("free_decay", []), "virtual", tmp_path, quietly, quietly
+    )
     summary = RunAnalysis(ran.folder / LOG).summary
     truth = math.sqrt(9.81 / 0.9624) / (2 * math.pi)
     assert summary.measured.natural_frequency_hz == pytest.approx(truth, rel=1e-5)
     assert summary.measured.damping_ratio == pytest.approx(0.000237, rel=0.01)
 
 
-def test_dropouts_ride_through_holes_and_a_loss_free_twin_stands_beside_them(tmp_path):
-    chosen = config.load("dropouts", SHORT)
+def test_a_run_continues_through_dropouts_and_a_lossless_twin_is_recorded(tmp_path):
+    chosen = config.read_experiment("dropouts", SHORT)
     ran = experiment.run(chosen, "virtual", tmp_path, quietly, quietly)
     lossy, twin = RunAnalysis(ran.folder / LOG), RunAnalysis(ran.twin / LOG)
     reference = lossy.summary.links["reference"]

@@ -17,24 +17,24 @@ TABLE = """
   stopped   stopped  stopped  stopped  fault  stopped          stopped
   fault     fault    fault    fault    fault  fault            fault
 """
-HAPPENINGS, *ROWS = [line.split() for line in TABLE.strip().splitlines()]
+TRIGGERS, *ROWS = [line.split() for line in TABLE.strip().splitlines()]
 TRANSITIONS = [
-    (Phase(row[0]), Trigger(happening), Phase(after))
+    (Phase(row[0]), Trigger(trigger), Phase(after))
     for row in ROWS
-    for happening, after in zip(HAPPENINGS, row[1:], strict=True)
+    for trigger, after in zip(TRIGGERS, row[1:], strict=True)
 ]
 
 
-def test_the_table_names_every_pair_of_phase_and_happening_once() -> None:
-    pairs = [(phase, happening) for phase, happening, _ in TRANSITIONS]
+def test_the_table_names_every_pair_of_phase_and_trigger_once() -> None:
+    pairs = [(phase, trigger) for phase, trigger, _ in TRANSITIONS]
     assert sorted(pairs, key=str) == sorted(product(Phase, Trigger), key=str)
 
 
-@pytest.mark.parametrize(("phase", "happening", "after"), TRANSITIONS)
+@pytest.mark.parametrize(("phase", "trigger", "after"), TRANSITIONS)
 def test_a_phase_is_followed_by_the_one_in_the_table(
-    phase: Phase, happening: Trigger, after: Phase
+    phase: Phase, trigger: Trigger, after: Phase
 ) -> None:
-    assert next_phase(phase, happening) is after
+    assert next_phase(phase, trigger) is after
 
 
 @pytest.mark.parametrize("phase", Phase)
@@ -42,21 +42,21 @@ def test_an_emergency_stop_always_ends_in_fault(phase: Phase) -> None:
     assert next_phase(phase, Trigger.ESTOP) is Phase.FAULT
 
 
-@pytest.mark.parametrize("happening", Trigger)
-def test_nothing_leaves_fault(happening: Trigger) -> None:
-    assert next_phase(Phase.FAULT, happening) is Phase.FAULT
+@pytest.mark.parametrize("trigger", Trigger)
+def test_nothing_leaves_fault(trigger: Trigger) -> None:
+    assert next_phase(Phase.FAULT, trigger) is Phase.FAULT
 
 
-@pytest.mark.parametrize("happening", [h for h in Trigger if h is not Trigger.ESTOP])
-def test_only_an_emergency_stop_leaves_stopped(happening: Trigger) -> None:
-    assert next_phase(Phase.STOPPED, happening) is Phase.STOPPED
+@pytest.mark.parametrize("trigger", [h for h in Trigger if h is not Trigger.ESTOP])
+def test_only_an_emergency_stop_leaves_stopped(trigger: Trigger) -> None:
+    assert next_phase(Phase.STOPPED, trigger) is Phase.STOPPED
 
 
-def test_nothing_that_happens_after_a_stop_makes_the_robot_run_again() -> None:
+def test_no_trigger_after_a_stop_makes_the_robot_run_again() -> None:
     for phase, later in product(Phase, product(Trigger, repeat=3)):
         now = next_phase(phase, Trigger.STOP)
-        for happening in later:
-            now = next_phase(now, happening)
+        for trigger in later:
+            now = next_phase(now, trigger)
         assert now in (Phase.STOPPED, Phase.FAULT)
 
 

@@ -1,4 +1,4 @@
-"""The safety gate: each bound is missed when it is dropped, and no jump gets through."""
+"""The safety gate: each bound is necessary, and no jump is accepted."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def along_x(*places_m: float) -> list[Position]:
 def first_refusal(
     envelope: Envelope, positions: list[Position], period_ns: int = 10 * MS
 ) -> str | None:
-    """What the gate says first about references on an even grid."""
+    """First refusal of references on an even grid; None when all are accepted."""
     gate = Gate(envelope)
     return next(
         (said for k, p in enumerate(positions) if (said := gate.refusal(k * period_ns, p))), None
@@ -61,7 +61,7 @@ INTRUDERS = {
 
 
 def without(bound: str) -> Envelope:
-    """The envelope with one bound dropped."""
+    """Envelope without one bound."""
     return msgspec.structs.replace(
         BOUNDS, **{bound: -math.inf if bound == "position_min_m" else math.inf}
     )
@@ -126,8 +126,8 @@ def test_speed_counts_over_all_axes_together() -> None:
     slow_each = [
         (0.006 * k, 0.006 * k, 0.006 * k) for k in range(5)
     ]  # 0.6 m/s an axis, 1.04 m/s in space
-    calm = msgspec.structs.replace(BOUNDS, acceleration_m_s2=1000.0)
-    assert first_refusal(calm, slow_each) == "speed 1.039 m/s; must be <= 1.000 m/s"
+    high_acceleration = msgspec.structs.replace(BOUNDS, acceleration_m_s2=1000.0)
+    assert first_refusal(high_acceleration, slow_each) == "speed 1.039 m/s; must be <= 1.000 m/s"
 
 
 def test_the_first_step_is_judged_from_standstill() -> None:
@@ -143,14 +143,14 @@ def test_braking_harder_than_the_bound_is_refused() -> None:
 
 
 def test_a_jump_is_refused_however_long_the_gap_before_it() -> None:
-    """After a second of silence 50 mm are 0.05 m/s on paper, but the controller would cover them in 30 ms."""
+    """50 mm after a gap of 1 s are 0.05 m/s, but the controller covers them in 30 ms."""
     for gap_ns in (10 * MS, 100 * MS, 1_000 * MS, 10_000 * MS):
         gate = Gate(msgspec.structs.replace(BOUNDS, acceleration_m_s2=1e6))
         assert gate.refusal(0, (0.0, 0.0, 0.0)) is None
         assert "speed" in str(gate.refusal(gap_ns, (0.05, 0.0, 0.0)))
 
 
-def test_a_few_late_ticks_in_a_calm_move_are_no_jump() -> None:
+def test_a_few_late_ticks_in_a_slow_move_are_no_jump() -> None:
     gate, move = Gate(BOUNDS), speeding_up(4.9, 0.2)
     for tick in (*range(10), *range(15, 30)):
         assert gate.refusal(tick * 10 * MS, move[tick]) is None
@@ -182,7 +182,7 @@ def test_a_refused_reference_leaves_no_trace_in_the_gate() -> None:
     st.lists(st.tuples(st.integers(1, 60), *[st.floats(-0.3, 0.3)] * 3), min_size=2, max_size=40),
     st.sampled_from([1e-3, 1e-2, 1.0]),
 )
-def test_whatever_is_let_through_keeps_to_every_bound(
+def test_every_accepted_reference_keeps_to_every_bound(
     walk: list[tuple[int, float, float, float]], scale: float
 ) -> None:
     gate, t_ns = Gate(BOUNDS), 0

@@ -1,4 +1,4 @@
-"""The streamer: the plan at its ticks, a robot in its place, a load at rest, and stops that hold."""
+"""The streamer: the plan at its ticks, the checks before the move, and stops that hold."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ QUIET_TICKS, MOVE_TICKS = 100, 80
 
 
 def smooth_plan(distance_m: float = 0.1) -> list[Position]:
-    """A second of quiet, then a rest-to-rest quintic in 0.8 s: its peak speed is 1.875 distance / time."""
+    """1 s of rest, then a quintic in 0.8 s; its peak speed is 1.875 distance / time."""
     s = np.clip((np.arange(QUIET_TICKS + MOVE_TICKS + 1) - QUIET_TICKS) / MOVE_TICKS, 0.0, 1.0)
     return [(float(x), 0.0, 0.0) for x in distance_m * (10 * s**3 - 15 * s**4 + 6 * s**5)]
 
@@ -52,12 +52,12 @@ WATCHED = msgspec.structs.replace(SETTINGS, angle_stale_ns=300 * MS)
 
 
 def order(verb: Verb, t_ns: int = 0, t_start_ns: int = T_START_NS, id: int = 7) -> Command:
-    """What the operator asks."""
+    """Order of the operator."""
     return Command(seq=0, t_ns=t_ns, id=id, to="streamer", verb=verb, t_start_ns=t_start_ns)
 
 
 def robot_at(x_m: float, t_ns: int = 0) -> RobotState:
-    """The robot at rest."""
+    """State of a robot at rest."""
     here, still = (x_m, 0.0, 0.0), (0.0, 0.0, 0.0)
     return RobotState(
         seq=0,
@@ -73,7 +73,7 @@ def robot_at(x_m: float, t_ns: int = 0) -> RobotState:
 def angle(
     t_ns: int, angle_rad: float | None, reason: InvalidReason = InvalidReason.NONE
 ) -> AngleSample:
-    """What the camera saw, 35 ms ago."""
+    """Angle sample of 35 ms ago."""
     nothing: dict[str, Any] = dict.fromkeys(
         ("sigma_rad", "raw_rad", "offset_rad", "platform_m", "residual_px", "pivot_miss_px")
     )
@@ -92,12 +92,12 @@ def angle(
 
 
 def tell(streamer: Streamer, message: Message, t_ns: int) -> Step:
-    """Hand a message over."""
+    """Pass a message to the task."""
     return streamer.on_message("-", message, t_ns)
 
 
 def replies(step: Step) -> list[Reply]:
-    """Answers and news of a step."""
+    """Answers and reports of a step."""
     return [send.message for send in step.sends if isinstance(send.message, Reply)]
 
 
@@ -107,12 +107,12 @@ def references(step: Step) -> list[Reference]:
 
 
 def started(settings: StreamerSettings = SETTINGS) -> Streamer:
-    """A streamer that was armed and started with the robot in place, at 100 ms."""
+    """Streamer that was armed and started at 100 ms, with the robot in place."""
     return arm_and_start(Streamer(settings))
 
 
 def arm_and_start(streamer: Streamer) -> Streamer:
-    """The orders of the operator, taken."""
+    """Arm and start."""
     streamer.start(0)
     tell(streamer, robot_at(0.0), 90 * MS)
     for verb in (Verb.ARM, Verb.START):
@@ -127,7 +127,7 @@ def play(streamer: Streamer, ticks: range, late_ns: int = 0) -> list[Step]:
 
 
 def see(streamer: Streamer, ticks: range, amplitude_rad: float) -> list[Step]:
-    """Ticks with a picture of the swinging load at every other one."""
+    """Ticks with an angle of the swinging load at every second one."""
     steps = []
     for k in ticks:
         t_ns = T_START_NS + k * PERIOD_NS
@@ -201,7 +201,7 @@ def test_start_asks_to_be_woken_at_t_start_and_nothing_leaves_before() -> None:
 def start_with(
     state: RobotState | None, t_state_ns: int = 0, t_ns: int = 0, plan: list[Position] = PLAN
 ) -> Reply:
-    """The answer to START of a streamer that heard this state."""
+    """Answer to START after this robot state."""
     streamer = Streamer(msgspec.structs.replace(SETTINGS, positions_m=plan))
     if state is not None:
         tell(streamer, state, t_state_ns)
@@ -226,8 +226,9 @@ def test_start_is_refused_with_the_robot_elsewhere_and_names_both_places_and_the
     reply = start_with(robot_at(x_m))
     assert (reply.ok, reply.exit, reply.phase) == (False, 3, Phase.ARMED)
     assert reply.text == (
-        f"start refused: the robot stands at ({x_m:.4f}, 0.0000, 0.0000) m, the move starts at (0.0000, 0.0000, 0.0000) m, "
-        f"{abs(x_m) * 1e3:.1f} mm away; must be <= 2 mm: bring the robot there, or set move.start_m to where it stands"
+        f"start refused: the robot stands at ({x_m:.4f}, 0.0000, 0.0000) m, "
+        f"the move starts at (0.0000, 0.0000, 0.0000) m, {abs(x_m) * 1e3:.1f} mm away; "
+        "must be <= 2 mm: bring the robot there, or set move.start_m to where it stands"
     )
 
 
@@ -250,11 +251,12 @@ def test_it_is_the_newest_state_that_counts() -> None:
     assert not replies(tell(streamer, order(Verb.START), 10 * MS))[0].ok
 
 
-def test_start_is_refused_while_nobody_said_where_the_robot_is() -> None:
+def test_start_is_refused_without_a_robot_state() -> None:
     reply = start_with(None)
     assert (reply.ok, reply.exit) == (False, 3)
     assert reply.text == (
-        "start refused: the robot's state never came; must be <= 100 ms old: are controller and bench running?"
+        "start refused: the robot state has not arrived; must be <= 100 ms old: "
+        "are controller and bench running?"
     )
 
 
@@ -345,7 +347,7 @@ def test_a_stop_before_t_start_keeps_every_reference_back(verb: Verb) -> None:
     assert all(references(step) == [] for step in play(streamer, range(len(PLAN))))
 
 
-def test_the_last_call_ends_the_references() -> None:
+def test_closing_ends_the_references() -> None:
     streamer = started()
     play(streamer, range(5))
     assert streamer.stop(T_START_NS + 45 * MS) == NO_STEP
@@ -367,7 +369,7 @@ def test_the_streamer_is_not_ready_before_it_knows_where_the_robot_stands() -> N
     streamer.on_message("robot_state", robot_at(0.0), 5 * MS)
     (later,) = replies(tell(streamer, order(Verb.STATUS), 6 * MS))
     assert (early.ok, later.ok) == (False, True)
-    assert "robot's state has not come" in early.text
+    assert "no robot state has arrived" in early.text
 
 
 def test_a_plan_that_jumps_is_stopped_before_the_jump_and_the_place_before_it_is_held() -> None:
@@ -389,13 +391,13 @@ def test_a_place_outside_the_envelope_or_no_number_never_leaves(bad: float) -> N
     assert sent == [(0.0, 0.0, 0.0)] * 8
 
 
-def test_a_still_load_is_told_with_its_amplitude_and_the_move_goes_on() -> None:
+def test_a_load_at_rest_is_reported_with_its_amplitude_and_the_move_goes_on() -> None:
     streamer = started(WATCHED)
     steps = see(streamer, range(QUIET_TICKS + 2), 0.004)
     (news,) = [r for step in steps for r in replies(step)]
     assert (news.ok, news.exit, news.id) == (True, None, 0)
     assert news.text == "the load swings 4.00 mrad before the start"
-    assert replies(steps[QUIET_TICKS]) == [news], "told at the first tick of the move"
+    assert replies(steps[QUIET_TICKS]) == [news], "reported at the first tick of the move"
     assert references(steps[-1])[0].position_m == PLAN[QUIET_TICKS + 1]
 
 
@@ -433,7 +435,7 @@ def test_a_late_tick_over_the_start_of_the_move_does_not_skip_the_check() -> Non
         pytest.param(QUIET_TICKS - 30, QUIET_TICKS, id="less_than_a_quarter_period"),
     ],
 )
-def test_a_move_is_refused_when_the_look_was_too_short_to_tell_whether_the_load_swings(
+def test_a_move_is_refused_when_the_quiet_interval_is_too_short_for_the_initial_swing(
     first: int, last: int
 ) -> None:
     streamer = started(msgspec.structs.replace(WATCHED, angle_stale_ns=60_000 * MS))
@@ -441,11 +443,11 @@ def test_a_move_is_refused_when_the_look_was_too_short_to_tell_whether_the_load_
     steps = see(streamer, range(first, last), 0.05) + play(streamer, range(last, last + 1))
     (news,) = [r for step in steps for r in replies(step)]
     assert (news.ok, news.exit) == (False, 3)
-    assert "cannot tell whether the load swings" in news.text
+    assert "the swing before the start cannot be measured" in news.text
     assert "raise quiet_s" in news.text
 
 
-def test_a_move_without_any_quiet_time_starts_unseen_and_says_so() -> None:
+def test_a_move_without_quiet_time_starts_without_the_check_and_reports_it() -> None:
     streamer = started(
         msgspec.structs.replace(
             WATCHED, angle_stale_ns=60_000 * MS, move_ticks=(0, WATCHED.move_ticks[1])
@@ -453,19 +455,19 @@ def test_a_move_without_any_quiet_time_starts_unseen_and_says_so() -> None:
     )
     (news,) = [r for step in play(streamer, range(1)) for r in replies(step)]
     assert (news.ok, news.exit) == (True, None)
-    assert "cannot tell whether the load swings" in news.text
+    assert "the swing before the start cannot be measured" in news.text
 
 
-def test_nothing_is_said_of_the_load_when_nothing_moves() -> None:
+def test_no_swing_is_reported_without_a_move() -> None:
     still = msgspec.structs.replace(WATCHED, positions_m=[(0.0, 0.0, 0.0)], move_ticks=(0, 0))
     assert [r for step in see(started(still), range(50), 0.06) for r in replies(step)] == []
 
 
-def test_nothing_is_said_of_the_load_without_a_camera() -> None:
+def test_no_swing_is_reported_without_a_camera() -> None:
     assert [r for step in play(started(), range(len(PLAN))) for r in replies(step)] == []
 
 
-def test_a_stopped_streamer_does_not_judge_the_load_any_more() -> None:
+def test_a_stopped_streamer_does_not_check_the_swing() -> None:
     streamer = started(WATCHED)
     see(streamer, range(QUIET_TICKS - 10), 0.05)
     tell(streamer, order(Verb.STOP), T_START_NS + (QUIET_TICKS - 10) * PERIOD_NS)
@@ -480,8 +482,8 @@ def test_a_stale_angle_stops_the_move_with_exit_5_at_the_first_tick_beyond_the_b
     streamer, seen = started(WATCHED), QUIET_TICKS + 20
     see(streamer, range(seen + 1), 0.0)
     steps = play(streamer, range(seen + 1, seen + 60))
-    told = [(k, r) for k, step in enumerate(steps, seen + 1) for r in replies(step)]
-    ((k, news),) = told
+    reported = [(k, r) for k, step in enumerate(steps, seen + 1) for r in replies(step)]
+    ((k, news),) = reported
     assert k == seen + 31  # 310 ms after the last picture; 300 ms are still good
     assert (news.ok, news.exit, news.phase) == (False, 5, Phase.STOPPED)
     assert news.text.startswith(
@@ -492,7 +494,7 @@ def test_a_stale_angle_stops_the_move_with_exit_5_at_the_first_tick_beyond_the_b
     }
 
 
-def test_pictures_without_a_cable_do_not_count_and_their_reason_is_told() -> None:
+def test_pictures_without_a_cable_do_not_count_and_their_reason_is_reported() -> None:
     streamer = started(WATCHED)
     news = []
     for k in range(40):
@@ -518,7 +520,7 @@ def test_an_angle_marked_invalid_does_not_count_even_with_a_value() -> None:
     assert "last reason: poor_fit" in news[0].text
 
 
-def test_a_hole_shorter_than_the_bound_is_ridden_through() -> None:
+def test_a_gap_shorter_than_the_bound_is_tolerated() -> None:
     streamer = started(WATCHED)
     see(streamer, range(11), 0.0)
     play(streamer, range(11, 40))
@@ -526,7 +528,7 @@ def test_a_hole_shorter_than_the_bound_is_ridden_through() -> None:
     assert [r for step in steps for r in replies(step)] == []
 
 
-def test_a_camera_that_never_speaks_is_noticed_from_t_start_on() -> None:
+def test_missing_angles_are_detected_from_t_start_on() -> None:
     streamer = started(WATCHED)
     assert [r for step in play(streamer, range(31)) for r in replies(step)] == []
     (news,) = replies(play(streamer, range(31, 32))[0])

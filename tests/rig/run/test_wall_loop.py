@@ -1,4 +1,4 @@
-"""The same tasks as processes over real sockets. Nothing here asserts how long anything took."""
+"""The same tasks as processes over real sockets. No duration is asserted."""
 
 import os
 import signal
@@ -36,7 +36,7 @@ def quietly(*_):
 
 
 def test_the_loop_over_sockets_ends_well_and_every_link_balances(tmp_path):
-    ran = experiment.run(config.load("move", BRIEF), "wall", tmp_path, quietly, quietly)
+    ran = experiment.run(config.read_experiment("move", BRIEF), "wall", tmp_path, quietly, quietly)
     summary = RunAnalysis(ran.folder / LOG).summary
     assert (ran.outcome.exit_code, ran.outcome.reasons) == (0, [])
     assert {name: row.unexplained for name, row in summary.links.items()} == dict.fromkeys(
@@ -51,7 +51,9 @@ def test_wall_and_virtual_lose_the_very_same_references(tmp_path):
     changes = [*BRIEF, "links.reference.loss=0.1"]
     lost = []
     for mode in ("wall", "virtual"):
-        ran = experiment.run(config.load("move", changes), mode, tmp_path, quietly, quietly)
+        ran = experiment.run(
+            config.read_experiment("move", changes), mode, tmp_path, quietly, quietly
+        )
         assert (ran.outcome.exit_code, ran.outcome.reasons) == (0, [])
         run = RunAnalysis(ran.folder / LOG).run
         arrived = run.receipts("reference")
@@ -60,22 +62,22 @@ def test_wall_and_virtual_lose_the_very_same_references(tmp_path):
     assert len(lost[0]) > 10
 
 
-def test_a_stop_before_the_tasks_have_come_is_a_stop_and_no_fault(tmp_path, monkeypatch):
+def test_a_stop_before_the_tasks_are_present_is_a_stop_and_no_fault(tmp_path, monkeypatch):
     class Impatient(Interrupts):
-        """An operator who pressed Ctrl-C before the first task was there."""
+        """Interrupts with a Ctrl-C before the first task was present."""
 
         def __enter__(self):
-            self.count, self.what = 1, "Ctrl-C"
+            self.count, self.newest = 1, "Ctrl-C"
             return super().__enter__()
 
     monkeypatch.setattr(execute, "Interrupts", Impatient)
-    ran = experiment.run(config.load("move", BRIEF), "wall", tmp_path, quietly, quietly)
+    ran = experiment.run(config.read_experiment("move", BRIEF), "wall", tmp_path, quietly, quietly)
     assert (ran.outcome.exit_code, ran.outcome.reasons) == (4, ["stopped by the operator (Ctrl-C)"])
     assert RunAnalysis(ran.folder / LOG).run.log.complete
 
 
 def start_a_run(folder: Path) -> subprocess.Popen:
-    """A run of the command line, waited for until its robot is about to move."""
+    """Start a run by the command line."""
     sets = [word for change in [*BRIEF, "experiment.watch_s=60"] for word in ("--set", change)]
     command = [
         sys.executable,
@@ -94,7 +96,7 @@ def start_a_run(folder: Path) -> subprocess.Popen:
 
 
 def wait_for_the_start(run: subprocess.Popen, folder: Path) -> None:
-    """Until the log tells of the start order; the run itself is bounded, and so is this."""
+    """Wait until the log has the start order; at most 60 s."""
     for _ in range(600):
         logs = list(folder.glob(f"*/{LOG}"))
         if logs and b"t_start" in _events(logs[0]):
@@ -139,14 +141,14 @@ def test_rig_stop_from_a_second_terminal_stops_the_run(tmp_path):
     run = start_a_run(tmp_path)
     wait_for_the_start(run, tmp_path)
     stop = [sys.executable, "-P", "-m", "rig.ui.cli.entry", "stop", "--runs", str(tmp_path)]
-    told = subprocess.run(stop, capture_output=True, text=True, timeout=30, check=False)
-    assert (told.returncode, "stopping" in told.stdout) == (0, True)
+    stopped = subprocess.run(stop, capture_output=True, text=True, timeout=30, check=False)
+    assert (stopped.returncode, "stopping" in stopped.stdout) == (0, True)
     code, said = ended(run)
     assert (code, said["exit_status"]) == (4, "stopped")
     assert said["reasons"][0] == "stop from another terminal"
 
 
-def test_a_task_that_dies_ends_the_run_as_a_fault_that_names_it_and_what_was_recorded_is_kept(
+def test_a_killed_task_ends_the_run_as_a_fault_that_names_it_and_the_log_is_kept(
     tmp_path,
 ):
     run = start_a_run(tmp_path)
@@ -154,7 +156,7 @@ def test_a_task_that_dies_ends_the_run_as_a_fault_that_names_it_and_what_was_rec
     os.kill(child_of(run, "vision"), signal.SIGKILL)
     code, said = ended(run)
     assert (code, said["exit_status"]) == (5, "fault")
-    assert "task 'vision' died (signal 9)" in said["reasons"][0]
+    assert "task 'vision' exited during the run (signal 9)" in said["reasons"][0]
     assert RunAnalysis(Path(said["run_dir"]) / LOG).run.angles
 
 
@@ -186,7 +188,7 @@ def test_a_run_killed_outright_leaves_a_log_that_can_be_read_and_no_task_behind(
 
 
 def wait_until_gone(pid: int) -> None:
-    """Orphans leave by themselves once the operator has been silent for three seconds."""
+    """Wait for the exit of a task whose operator has been silent for 3 s."""
     descriptor = os.pidfd_open(pid) if Path(f"/proc/{pid}").exists() else None
     if descriptor is None:
         return
@@ -201,7 +203,7 @@ def test_a_port_in_use_is_refused_before_anything_moves(tmp_path):
     taken = UdpReceiver("127.0.0.1", base + 3, "test")  # the first data channel's
     with pytest.raises(Refused, match=f"port {base + 3}.*base_port"):
         experiment.run(
-            config.load("move", [*BRIEF, f"network.base_port={base}"]),
+            config.read_experiment("move", [*BRIEF, f"network.base_port={base}"]),
             "wall",
             tmp_path,
             quietly,

@@ -1,4 +1,4 @@
-"""Experiments through points: the file, the motion made of it, and the run."""
+"""Experiments through waypoints: the file, the motion, and the run."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ BRIEF = ["experiment.quiet_s=0.6", "experiment.watch_s=2.5", "move.time_s=4"]
 
 @pytest.fixture
 def through(tmp_path):
-    """An experiment through the points of a text."""
+    """Experiment through the points of a text."""
 
     def make(text, *changes):
         file = tmp_path / "points.csv"
         file.write_text(text)
-        return config.load("move", [*BRIEF, f"move.waypoints={file}", *changes])
+        return config.read_experiment("move", [*BRIEF, f"move.waypoints={file}", *changes])
 
     return make
 
@@ -60,7 +60,7 @@ def test_a_relative_path_starts_at_the_experiment_file(tmp_path, monkeypatch):
         '[experiment]\nname = "mine"\n[move]\nwaypoints = "points.csv"\ntime_s = 4\n'
     )
     monkeypatch.chdir("/")
-    assert plan_move(config.load(str(tmp_path / "mine.toml"), [])).problem.time_s == 4.0
+    assert plan_move(config.read_experiment(str(tmp_path / "mine.toml"), [])).problem.time_s == 4.0
 
 
 def test_the_robot_runs_through_the_points_in_three_axes(through, tmp_path):
@@ -82,7 +82,7 @@ def test_the_robot_runs_through_the_points_in_three_axes(through, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "expected"),
     [
         ("x_m\n0\n", "1 points; must be >= 2 below a header line t_s,x_m,y_m,z_m"),
         ("x_m,w_m\n0,0\n1,1\n", "column 'w_m'.*must be of t_s, x_m, y_m, z_m"),
@@ -93,15 +93,15 @@ def test_the_robot_runs_through_the_points_in_three_axes(through, tmp_path):
         ("# by hand\n\nx_m\n0\nnan\n", "line 5, x_m: 'nan'; must be a finite number"),
     ],
 )
-def test_a_file_that_is_no_list_of_points_is_refused_by_line_and_column(tmp_path, text, told):
+def test_a_file_that_is_no_list_of_points_is_refused_by_line_and_column(tmp_path, text, expected):
     file = tmp_path / "points.csv"
     file.write_text(text)
-    with pytest.raises(ConfigError, match=told):
+    with pytest.raises(ConfigError, match=expected):
         read_waypoints(file)
 
 
 @pytest.mark.parametrize(
-    ("text", "changes", "told"),
+    ("text", "changes", "expected"),
     [
         (
             "x_m\n0.1\n0.2\n0.3\n",
@@ -113,8 +113,8 @@ def test_a_file_that_is_no_list_of_points_is_refused_by_line_and_column(tmp_path
         (PLAIN, ["move.spline=b_spline"], "spline = 'b_spline'; did you mean"),
     ],
 )
-def test_points_that_make_no_motion_are_refused_by_name(through, text, changes, told):
-    with pytest.raises((ConfigError, PlanError), match=told):
+def test_points_that_make_no_motion_are_refused_by_name(through, text, changes, expected):
+    with pytest.raises((ConfigError, PlanError), match=expected):
         plan_move(through(text, *changes))
 
 
@@ -126,19 +126,19 @@ def test_a_motion_that_leaves_the_workspace_is_refused_before_it_starts(through)
 
 def test_a_file_that_is_not_there_is_named(tmp_path):
     with pytest.raises(ConfigError, match=r"waypoints '.*nowhere.csv' cannot be read"):
-        plan_move(config.load("move", [f"move.waypoints={tmp_path / 'nowhere.csv'}"]))
+        plan_move(config.read_experiment("move", [f"move.waypoints={tmp_path / 'nowhere.csv'}"]))
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "expected"),
     [
         ("x_m,y_m\n0,0\n0.05,0.3\n0.1,0\n", r"y = 0\.\d+ m; must be within \+-0\.25 m"),
         ("x_m,z_m\n0,0\n0.05,-0.2\n0.1,0\n", r"z = -0\.\d+ m; must be within \+-0\.1 m"),
     ],
 )
-def test_depth_and_height_have_bounds_of_their_own(through, text, told):
+def test_depth_and_height_have_bounds_of_their_own(through, text, expected):
     chosen = through(text)
-    with pytest.raises(Refused, match=told):
+    with pytest.raises(Refused, match=expected):
         prepare(chosen, plan_move(chosen), bench.plant(chosen))
 
 
@@ -148,7 +148,7 @@ def test_limits_are_those_of_the_motion_in_space(through):
     assert plan.metrics.peak_speed_m_s == pytest.approx(plan.motion.y.peak(1).value)
     assert plan.metrics.peak_swing_rad == 0.0
     tight = through("x_m,y_m\n0,0\n0,0.1\n0,0.2\n", "move.time_s=0.6", "limits.acceleration_m_s2=2")
-    with pytest.raises(Refused, match=r"the plan leaves \[limits\]: peak acceleration"):
+    with pytest.raises(Refused, match=r"the plan exceeds \[limits\]: peak acceleration"):
         prepare(tight, plan_move(tight), bench.plant(tight))
 
 

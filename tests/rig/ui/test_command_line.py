@@ -28,7 +28,7 @@ def recorded(tmp_path_factory):
     from rig.run import config, experiment
 
     changes = [word for word in BRIEF if word != "--set"]
-    chosen = config.load("move", changes)
+    chosen = config.read_experiment("move", changes)
     return experiment.run(
         chosen, "virtual", tmp_path_factory.mktemp("runs"), lambda *_: None, lambda *_: None
     ).folder
@@ -187,7 +187,7 @@ def test_the_shipped_calibration_is_what_the_command_makes(rig):
 
     code, said, _ = rig("calibrate", "offsets", "--virtual", "--json", "--out", "again.toml")
     made = msgspec.json.decode(said)["calibration"]
-    _, shipped = calibration_file.find(config.load("move", []))
+    _, shipped = calibration_file.find(config.read_experiment("move", []))
     assert code == 0
     assert made["offset_rad"] == pytest.approx(shipped.offset_rad, abs=5e-6)
     assert made["pixels_per_m"] == pytest.approx(shipped.pixels_per_m, abs=0.05)
@@ -394,7 +394,7 @@ def test_a_chain_is_not_run_on_a_bench_with_one_link(rig):
         "run", "move", "--virtual", "--set", 'model.links=["0.5:3.375:bar", "0.5:3.375:bar"]'
     )
     assert code == 3
-    assert "[model] links names 2 links, [bench.pendulum] hangs on 1" in why
+    assert "[model] has 2 links, [bench.pendulum] has 1" in why
 
 
 @pytest.mark.parametrize(

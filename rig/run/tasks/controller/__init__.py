@@ -1,1 +1,4 @@
-"""The robot controller: communication (newest reference in, state out) composed with 30 ms interpolation."""
+"""The robot controller: communication (newest reference in, state out) and 30 ms interpolation.
+
+Imports comms and rig/errors.py.
+"""

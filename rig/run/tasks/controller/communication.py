@@ -1,4 +1,4 @@
-"""The communication task: takes the newest reference, knows how old it is, and words the robot's state."""
+"""Communication of the controller: newest reference and its age, and the robot state it sends."""
 
 from __future__ import annotations
 
@@ -7,27 +7,28 @@ from comms.task import Send
 
 
 class Communication:
-    """What came in last, and what goes out about the robot."""
+    """Newest reference and joint state with their arrival, and the robot state made of them."""
 
     def __init__(self) -> None:
         self.reference: Reference | None = None
         self.reference_ns = 0  # arrival
         self.joints: JointState | None = None
-        self.joints_ns = 0
+        self.joints_ns = 0  # arrival
         self._seq = 0
 
     def take_reference(self, reference: Reference, t_ns: int) -> None:
-        """Keep it when it is for a later instant than the one held."""
+        """Keep a reference whose target lies later than that of the one kept."""
         self.reference_ns = t_ns
         if self.reference is None or reference.t_target_ns > self.reference.t_target_ns:
             self.reference = reference
 
     def take_joints(self, joints: JointState, t_ns: int) -> None:
-        """Keep what the encoders read."""
-        self.joints, self.joints_ns = joints, t_ns
+        """Keep the positions that the encoders measured."""
+        self.joints = joints
+        self.joints_ns = t_ns
 
     def state(self, commanded_m: Position, phase: Phase, t_ns: int) -> tuple[Send, ...]:
-        """The robot's state for the streamer and for the vision task; nothing while the robot is unknown."""
+        """Send the robot state to streamer and vision; nothing before the first joint state."""
         if self.joints is None:
             return ()
         state = RobotState(

@@ -1,6 +1,7 @@
-"""The source's 30 ms interpolation: on a fixed grid the newest reference becomes the goal, reached in six even ticks.
+"""The 30 ms interpolation of the source.
 
-Policy `hold`: when nothing newer came, goal and setpoint stay; a late reference is taken at the next window.
+At the start of each 30 ms window the newest reference becomes the goal, reached in six equal steps.
+Without a newer reference goal and setpoint stay; a late reference is taken at the next window.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ WINDOW_NS = TICKS * TICK_NS
 
 
 class Interpolator:
-    """Setpoints on the tick grid of t_start_ns, moving linearly from goal to goal."""
+    """Linear interpolation from goal to goal on the tick grid of t_start_ns."""
 
     def __init__(self, t_start_ns: int, position_m: Position) -> None:
         self._t_start_ns = t_start_ns
@@ -22,11 +23,13 @@ class Interpolator:
         self._last = self._goal = position_m
 
     def setpoint(self, t_ns: int, newest: Position | None) -> Position:
-        """Setpoint of the tick that is due at t_ns; newest = the newest reference accepted so far."""
+        """Compute the setpoint of the tick due at t_ns; newest: newest accepted reference."""
         window, into_ns = divmod(t_ns - self._t_start_ns, WINDOW_NS)
         if window > self._window:
             self._window = window
-            self._last, self._goal = self._goal, self._goal if newest is None else newest
+            self._last = self._goal
+            if newest is not None:
+                self._goal = newest
         share = (into_ns // TICK_NS + 1) / TICKS
         last, goal = self._last, self._goal
         return (

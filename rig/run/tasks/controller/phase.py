@@ -1,4 +1,4 @@
-"""Where controller and streamer stand: one total function, and which orders are taken where."""
+"""Phase transitions of controller and streamer: one total function, and the orders per phase."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from comms.messages import Phase, Verb
 
 
 class Trigger(enum.Enum):
-    """What can change the phase."""
+    """Event that may cause a phase transition."""
 
     ARM = "arm"
     START = "start"
     STOP = "stop"
     ESTOP = "estop"
-    REFERENCE_STALE = "reference_stale"  # the streamer fell silent
-    ROBOT_STALE = "robot_stale"  # the robot's encoders fell silent
+    REFERENCE_STALE = "reference_stale"  # no reference from the streamer
+    ROBOT_STALE = "robot_stale"  # no joint state from the encoders
 
 
 ORDERS = {
@@ -24,16 +24,13 @@ ORDERS = {
     Verb.STOP: Trigger.STOP,
     Verb.ESTOP: Trigger.ESTOP,
 }
-_TAKEN_IN = {
+_ALLOWED_PHASES = {  # a stop is allowed in all
     Verb.ARM: (Phase.IDLE, Phase.ARMED),
     Verb.START: (Phase.ARMED,),
-}  # a stop is taken anywhere
+}
 _NEXT: dict[tuple[Phase, Trigger], Phase] = {
     (Phase.IDLE, Trigger.ARM): Phase.ARMED,
-    (
-        Phase.IDLE,
-        Trigger.STOP,
-    ): Phase.STOPPED,  # an order to arm that comes after the stop is refused
+    (Phase.IDLE, Trigger.STOP): Phase.STOPPED,  # refuses an order to arm after the stop
     (Phase.ARMED, Trigger.ARM): Phase.ARMED,
     (Phase.ARMED, Trigger.START): Phase.RUNNING,
     (Phase.ARMED, Trigger.STOP): Phase.STOPPED,
@@ -44,17 +41,20 @@ _NEXT: dict[tuple[Phase, Trigger], Phase] = {
 }
 
 
-def next_phase(phase: Phase, happening: Trigger) -> Phase:
-    """The phase after a happening. An emergency stop always ends in FAULT, which nothing leaves but a new run."""
-    if happening is Trigger.ESTOP:
+def next_phase(phase: Phase, trigger: Trigger) -> Phase:
+    """Compute the phase after a trigger.
+
+    An emergency stop always leads to FAULT, which only a new run leaves.
+    """
+    if trigger is Trigger.ESTOP:
         return Phase.FAULT
-    return _NEXT.get((phase, happening), phase)
+    return _NEXT.get((phase, trigger), phase)
 
 
 def refusal(phase: Phase, verb: Verb) -> str | None:
-    """Why an order cannot be taken in a phase; None when it can."""
-    taken_in = _TAKEN_IN.get(verb, tuple(Phase))
-    if phase in taken_in:
+    """Check an order against the phase; return the reason of a refusal, None if allowed."""
+    allowed = _ALLOWED_PHASES.get(verb, tuple(Phase))
+    if phase in allowed:
         return None
-    bound = " or ".join(p.value for p in taken_in)
+    bound = " or ".join(p.value for p in allowed)
     return f"{verb.value} refused: {phase.value}; must be {bound}: end this run and start a new one"

@@ -1,4 +1,4 @@
-"""The controller task: communication and interpolation on one 5 ms grid, under one phase."""
+"""The controller task: communication and interpolation on one 5 ms grid, with one phase."""
 
 from __future__ import annotations
 
@@ -13,23 +13,24 @@ from rig.run.tasks.controller.communication import Communication
 from rig.run.tasks.controller.interpolator import TICK_NS, Interpolator
 from rig.run.tasks.controller.phase import ORDERS, Trigger, next_phase, refusal
 
-STATE_EVERY = 2  # ticks: setpoints at 200 Hz, state at 100 Hz
+TICKS_PER_STATE = 2  # setpoints at 200 Hz, state at 100 Hz
 
 
 class ControllerSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """How long the controller rides through holes: of references, and of what the encoders read."""
+    """Longest gaps that the controller tolerates: of references, and of joint states."""
 
     reference_stale_ns: int
     robot_stale_ns: int = 100 * MS
 
 
 class ControllerTask:
-    """Sans-IO task `controller`. Outside RUNNING the setpoint stays where it is."""
+    """Sans-IO task `controller`; outside RUNNING the setpoint is held."""
 
     name = "controller"
 
     def __init__(self, settings: ControllerSettings) -> None:
-        self._stale_ns, self._robot_stale_ns = settings.reference_stale_ns, settings.robot_stale_ns
+        self._reference_stale_ns = settings.reference_stale_ns
+        self._robot_stale_ns = settings.robot_stale_ns
         self._phase = Phase.IDLE
         self._io = Communication()
         self._interpolator: Interpolator | None = None
@@ -41,37 +42,37 @@ class ControllerTask:
         self.late_ticks = 0
 
     def start(self, t_ns: int) -> Step:
-        """Ticks run from the first on; setpoints only once armed."""
+        """Begin to tick; setpoints are sent once the controller is armed."""
         self._tick = t_ns // TICK_NS + 1
         return Step(wake_ns=self._tick * TICK_NS)
 
     def on_message(self, channel: str, message: Message, t_ns: int) -> Step:
-        """References, encoder readings, orders."""
+        """Take a reference, a joint state or an order."""
         if isinstance(message, Reference):
             self._io.take_reference(message, t_ns)
         elif isinstance(message, JointState):
             self._io.take_joints(message, t_ns)
         elif isinstance(message, Command):
-            return self._obey(message, t_ns)
+            return self._handle_order(message, t_ns)
         return NO_STEP
 
     def on_tick(self, t_ns: int) -> Step:
-        """The setpoint of the newest grid instant that is due, and the state at every other one."""
+        """Send the setpoint of the newest grid instant due, and the state at every second one."""
         tick = t_ns // TICK_NS
         self.late_ticks += tick - self._tick
         self._tick = tick + 1
-        news = self._watch(t_ns)
-        sends = (*self._set(tick * TICK_NS, t_ns), *news)
-        if tick % STATE_EVERY == 0:
+        faults = self._check_ages(t_ns)
+        sends = (*self._next_setpoint(tick * TICK_NS, t_ns), *faults)
+        if tick % TICKS_PER_STATE == 0:
             sends += self._io.state(self._commanded(), self._phase, t_ns)
         return Step(sends, self._tick * TICK_NS)
 
     def stop(self, t_ns: int) -> Step:
-        """The last setpoint stays with the servos."""
+        """Stop; the servos hold the last setpoint."""
         self._phase = next_phase(self._phase, Trigger.STOP)
         return NO_STEP
 
-    def _set(self, grid_ns: int, t_ns: int) -> tuple[Send, ...]:
+    def _next_setpoint(self, grid_ns: int, t_ns: int) -> tuple[Send, ...]:
         if self._setpoint is None:
             return ()
         if self._phase is Phase.RUNNING and self._interpolator and grid_ns >= self._t_start_ns:
@@ -81,45 +82,43 @@ class ControllerTask:
         self._seq += 1
         return (Send("setpoint", message, t_ns),)
 
-    def _watch(self, t_ns: int) -> tuple[Send, ...]:
-        """Notice peers that fell silent."""
+    def _check_ages(self, t_ns: int) -> tuple[Send, ...]:
+        """Stop when joint states or references have not arrived for too long."""
         if self._phase not in (Phase.ARMED, Phase.RUNNING):
             return ()
-        silent_ns = t_ns - self._io.joints_ns
-        if silent_ns > self._robot_stale_ns:
+        age_ns = t_ns - self._io.joints_ns
+        if age_ns > self._robot_stale_ns:
             bound = f"must be <= {self._robot_stale_ns / MS:.0f} ms (safety.robot_stale_ms)"
-            text = f"no joint state for {silent_ns / MS:.0f} ms; {bound}: is the bench running?"
-            return self._happen(Trigger.ROBOT_STALE, text, t_ns)
-        silent_ns = t_ns - max(self._io.reference_ns, self._t_start_ns)
-        if self._phase is Phase.RUNNING and silent_ns > self._stale_ns:
-            text = (
-                f"no reference for {silent_ns / MS:.0f} ms; must be <= {self._stale_ns / MS:.0f} ms "
-                "(safety.reference_stale_ms): the robot stays where it is"
-            )
-            return self._happen(Trigger.REFERENCE_STALE, text, t_ns)
+            text = f"no joint state for {age_ns / MS:.0f} ms; {bound}: is the bench running?"
+            return self._fail(Trigger.ROBOT_STALE, text, t_ns)
+        age_ns = t_ns - max(self._io.reference_ns, self._t_start_ns)
+        if self._phase is Phase.RUNNING and age_ns > self._reference_stale_ns:
+            bound = f"must be <= {self._reference_stale_ns / MS:.0f} ms (safety.reference_stale_ms)"
+            text = f"no reference for {age_ns / MS:.0f} ms; {bound}: the robot holds its position"
+            return self._fail(Trigger.REFERENCE_STALE, text, t_ns)
         return ()
 
-    def _happen(self, happening: Trigger, text: str, t_ns: int) -> tuple[Send, ...]:
-        self._phase = next_phase(self._phase, happening)
+    def _fail(self, trigger: Trigger, text: str, t_ns: int) -> tuple[Send, ...]:
+        self._phase = next_phase(self._phase, trigger)
         return (self._replies.give_up(self._phase, t_ns, text, FAULT),)
 
-    def _obey(self, order: Command, t_ns: int) -> Step:
-        why = self._refusal(order, t_ns)
-        if why is not None:
-            return Step((self._replies.refuse(order, self._phase, t_ns, why),))
+    def _handle_order(self, order: Command, t_ns: int) -> Step:
+        refused = self._refusal(order, t_ns)
+        if refused is not None:
+            return Step((self._replies.refuse(order, self._phase, t_ns, refused),))
         if order.verb in ORDERS:
             self._phase = next_phase(self._phase, ORDERS[order.verb])
         if order.verb is Verb.ARM and self._io.joints is not None:
-            self._setpoint = self._io.joints.position_m  # bumpless: the goal is where the robot is
+            self._setpoint = self._io.joints.position_m  # bumpless: the goal is the actual position
         if order.verb is Verb.START and self._setpoint is not None:
             self._t_start_ns = order.t_start_ns
             self._interpolator = Interpolator(order.t_start_ns, self._setpoint)
         return Step((self._replies.answer(order, self._phase, t_ns),))
 
     def _refusal(self, order: Command, t_ns: int) -> str | None:
-        unknown = self._io.joints is None or t_ns - self._io.joints_ns > self._robot_stale_ns
-        if unknown and order.verb in (Verb.STATUS, Verb.ARM):
-            return "the robot's encoders are silent: is the bench running?"
+        stale = self._io.joints is None or t_ns - self._io.joints_ns > self._robot_stale_ns
+        if stale and order.verb in (Verb.STATUS, Verb.ARM):
+            return "no joint state arrives from the encoders: is the bench running?"
         return refusal(self._phase, order.verb)
 
     def _commanded(self) -> Position:
@@ -129,5 +128,5 @@ class ControllerTask:
 
 
 def build(settings: bytes) -> ControllerTask:
-    """The task from its settings in JSON."""
+    """Make the task from its settings in JSON."""
     return ControllerTask(msgspec.json.decode(settings, type=ControllerSettings))

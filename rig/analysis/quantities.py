@@ -1,0 +1,118 @@
+"""The quantities of a run: measured, true and planned; initial swing and error of the swing."""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+
+import numpy as np
+
+from rig.analysis.identify.decay import (
+    DecayFit,
+    cable_length_m,
+    cable_length_sigma_m,
+    is_identifiable,
+)
+from rig.analysis.identify.errors import AnalysisError
+from rig.analysis.identify.latency import swing_error_rms_rad
+from rig.analysis.identify.swing import initial_swing_rad, peak_swing_rad, residual_amplitude_rad
+from rig.analysis.run_log import RunLog
+from rig.analysis.summary import Planned, Quantities, SwingError
+
+
+def measured_quantities(run: RunLog, fit: DecayFit | None) -> tuple[Quantities, Quantities]:
+    """Compute the measured quantities and their standard deviations."""
+    measured, sigma = Quantities(), Quantities()
+    t, angle, sigma_rad = run.single_frames
+    if run.t_start_s is not None and t.size:
+        with suppress(AnalysisError):
+            measured.peak_swing_rad = peak_swing_rad(t, angle, *_swing_window(run))
+            sigma.peak_swing_rad = float(np.median(sigma_rad))
+    if fit is None or not math.isfinite(fit.sigma_amplitude_rad):
+        return measured, sigma
+    g = run.facts.gravity_m_s2
+    frequency_hz = fit.natural_frequency_hz
+    sigma_frequency_hz = fit.sigma_natural_frequency_hz
+    residual_rad = float(fit.amplitude_at(np.array(run.t_settled_s)))
+    sigma_length_m = cable_length_sigma_m(frequency_hz, sigma_frequency_hz, g)
+    found = {
+        "residual_swing_rad": (residual_rad, fit.sigma_amplitude_rad),
+        "natural_frequency_hz": (frequency_hz, sigma_frequency_hz),
+        "damping_ratio": (fit.damping_ratio, fit.sigma_damping_ratio),
+        "cable_length_m": (cable_length_m(frequency_hz, g), sigma_length_m),
+    }
+    for name, (value, deviation) in found.items():
+        setattr(sigma, name, deviation)
+        if is_identifiable(value, deviation):
+            setattr(measured, name, value)
+    return measured, sigma
+
+
+def true_quantities(run: RunLog) -> Quantities | None:
+    """Compute the quantities of the simulated plant; None on a real rig."""
+    omega = run.true_omega_rad_s
+    if omega is None:
+        return None
+    load = run.plant_params["pendulum"]
+    truth = Quantities(
+        natural_frequency_hz=omega / (2 * math.pi),
+        damping_ratio=load["damping_ratio"],
+        cable_length_m=load["length_m"],
+    )
+    t, angle, rate, _ = run.truth.T
+    if run.t_start_s is not None and t.size > 1 and t[-1] >= run.t_settled_s:
+        from scipy.interpolate import CubicHermiteSpline
+
+        t0, t1 = _swing_window(run)
+        curve = CubicHermiteSpline(t, angle, rate)
+        at_s = float(run.t_settled_s)
+        truth.residual_swing_rad = residual_amplitude_rad(
+            float(curve(at_s)), float(curve(at_s, 1)), omega
+        )
+        truth.peak_swing_rad = peak_swing_rad(t, angle, t0, t1)
+    return truth
+
+
+def planned_quantities(run: RunLog) -> Planned:
+    """Read the swing that the plan predicts."""
+    metrics = run.plan.metrics or {}
+    return Planned(
+        peak_swing_rad=metrics.get("peak_swing_rad"),
+        residual_swing_rad=metrics.get("residual_swing_nonlinear_rad"),
+    )
+
+
+def swing_error(run: RunLog) -> SwingError:
+    """Compute the error of the measured against the true angle, at unchanged stamps."""
+    error = SwingError()
+    if run.truth.size == 0 or run.t_start_s is None:
+        return error
+    t, angle, _ = run.swing
+    inside = (t >= run.t_move_s) & (t <= run.t_settled_s) & (run.plan.time_s > 0)
+    outside = ~inside & (t >= run.t_start_s)
+    truth = run.truth.T[:3]
+    with suppress(AnalysisError):
+        error.during_move_rad = swing_error_rms_rad(t[inside], angle[inside], *truth)
+    with suppress(AnalysisError):
+        error.outside_move_rad = swing_error_rms_rad(t[outside], angle[outside], *truth)
+    return error
+
+
+def initial_swing(run: RunLog) -> float | None:
+    """Fit the swing before the move [rad]; None where it cannot be fitted."""
+    if run.t_start_s is None or run.plan.time_s == 0:
+        return None
+    t, angle, _ = run.swing
+    quiet = (t >= run.t_start_s) & (t < run.t_move_s)
+    omega_rad_s = math.sqrt(run.facts.gravity_m_s2 / run.facts.cable_length_m)
+    try:
+        return initial_swing_rad(t[quiet], angle[quiet], omega_rad_s)
+    except AnalysisError:
+        return None
+
+
+def _swing_window(run: RunLog) -> tuple[float, float]:
+    """Limit the peak swing to the move until settled, or to all of a free decay [s]."""
+    if run.plan.time_s > 0:
+        return run.t_move_s, run.t_settled_s
+    return run.t_move_s, run.t_move_s + run.plan.watch_s

@@ -1,0 +1,76 @@
+"""Verdict on a run, with its reasons."""
+
+from __future__ import annotations
+
+from rig.analysis.delays import MAX_REFERENCE_LATENESS_NS
+from rig.analysis.run_log import RunLog
+from rig.analysis.summary import Summary
+
+MIN_VALID_SHARE = 0.95  # of the frames, that must give an angle
+MAX_LATE_SHARE = 0.01  # of the references
+MAX_SWING_ERROR_RAD = 0.5e-3  # rms against the truth of a simulated plant, outside the move
+BAD_DATA_CODE = 6
+
+
+def add_verdict(summary: Summary, run: RunLog, fit_failure: str) -> None:
+    """Set verdict, exit status and reasons of a summary.
+
+    bad: the run did not end in order, or its data are insufficient. doubtful: it did, with reasons
+    to doubt the numbers.
+    """
+    bad = _defects(summary, run, fit_failure)
+    doubts = _doubts(summary, run)
+    if bad or summary.exit_status != "ok":
+        summary.verdict = "bad"
+        if summary.exit_status == "ok":
+            summary.exit_status = "bad_data"
+    elif doubts:
+        summary.verdict = "doubtful"
+    if summary.exit_code == 0 and summary.verdict != "good":
+        summary.exit_code = BAD_DATA_CODE
+    summary.reasons += bad + doubts
+
+
+def _defects(summary: Summary, run: RunLog, fit_failure: str) -> list[str]:
+    """List the reasons for the verdict bad that the run itself has not given."""
+    defects = []
+    if not summary.complete:
+        defects.append(f"the log is incomplete: {run.log.damage}; the rest was analysed")
+    if summary.exit_status != "ok":
+        if not summary.reasons and not defects:
+            defects.append(f"the run ended with exit status '{summary.exit_status}'")
+    elif run.facts.rate_hz and fit_failure:
+        defects.append(f"no swing could be fitted: {fit_failure}")
+    return defects
+
+
+def _doubts(summary: Summary, run: RunLog) -> list[str]:
+    """List the reasons to doubt the numbers of a run."""
+    doubts = []
+    for name, row in summary.links.items():
+        if row.unexplained:
+            doubts.append(f"link '{name}': {row.unexplained} packets unaccounted")
+    for name, row in summary.links.items():
+        if row.lost_kernel:
+            doubts.append(f"link '{name}': {row.lost_kernel} lost by the kernel")
+    if summary.frames and summary.angles_valid < MIN_VALID_SHARE * summary.frames:
+        reasons = ", ".join(f"{reason} {n}" for reason, n in sorted(summary.refusals.items()))
+        doubts.append(
+            f"{summary.angles_valid} of {summary.frames} frames gave an angle ({reasons}); "
+            f"must be >= {MIN_VALID_SHARE:.0%}"
+        )
+    doubts += [f"no count from {end}: its packets cannot be balanced" for end in run.uncounted]
+    late = summary.lateness
+    too_late = late.references_late > MAX_LATE_SHARE * late.references
+    if too_late and run.facts.reference_delay_ms * 1e6 < MAX_REFERENCE_LATENESS_NS:
+        doubts.append(
+            f"{late.references_late} of {late.references} references accepted > 30 ms late; "
+            f"must be <= {MAX_LATE_SHARE:.0%}: the machine is too busy"
+        )
+    error_rad = summary.swing_error.outside_move_rad
+    if error_rad is not None and error_rad > MAX_SWING_ERROR_RAD:
+        doubts.append(
+            f"measured swing is {error_rad * 1e3:.2f} mrad rms off the truth; "
+            f"must be <= {MAX_SWING_ERROR_RAD * 1e3} mrad: calibrate again"
+        )
+    return doubts

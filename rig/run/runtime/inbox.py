@@ -1,0 +1,79 @@
+"""Handlers of what the tasks send to the operator: presence, replies, records and telemetry."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Set
+from typing import Any
+
+from comms.codec import decode
+from comms.frames import with_pixels
+from comms.messages import Frame, Message, Reply
+from comms.operator_bus import Hello, Record, StreamEnd, Telemetry
+from comms.records import LinkRow
+from comms.task import Step
+from rig.run.recorder import Recorder
+from rig.run.runtime.channel_counts import ChannelCounts
+from rig.run.runtime.roster import Roster
+from rig.run.tasks.operator import Operator
+
+
+class Inbox:
+    """Table of handlers by type of message; a message of an unknown sender is ignored."""
+
+    def __init__(
+        self,
+        tasks: Set[str],
+        session: int,
+        operator: Operator,
+        recorder: Recorder,
+        carry_out: Callable[[Step], None],
+    ) -> None:
+        """tasks: names of the known senders. carry_out: receives what the operator returns."""
+        self.roster = Roster()
+        self.counts = ChannelCounts()
+        self._tasks = tasks
+        self._session = session
+        self._operator = operator
+        self._recorder = recorder
+        self._carry_out = carry_out
+        self._handlers: dict[type, Callable[[str, Any, int], None]] = {
+            Hello: self._on_hello,
+            StreamEnd: self._on_stream_end,
+            Reply: self._on_reply,
+            Record: self._on_record,
+        }
+
+    def handle(
+        self, sender: str, content: Hello | StreamEnd | Reply | Record | Telemetry, now_ns: int
+    ) -> None:
+        """Handle one message; telemetry names no sender."""
+        if isinstance(content, Telemetry):
+            self._log_telemetry(content, now_ns)
+        elif sender in self._tasks:
+            self._handlers[type(content)](sender, content, now_ns)
+
+    def _on_hello(self, task: str, hello: Hello, now_ns: int) -> None:
+        self.roster.present.add(task)
+
+    def _on_stream_end(self, task: str, end: StreamEnd, now_ns: int) -> None:
+        self.roster.left.add((task, end.socket))
+
+    def _on_reply(self, task: str, reply: Reply, now_ns: int) -> None:
+        self._recorder.message("reply", reply, now_ns)
+        self._carry_out(self._operator.on_message("reply", reply, now_ns))
+
+    def _on_record(self, task: str, content: Record, now_ns: int) -> None:
+        record = content.record
+        if isinstance(record, LinkRow):
+            self.counts.add(record.channel, task, record.count)
+        else:
+            self._recorder.record(record, now_ns)
+
+    def _log_telemetry(self, telemetry: Telemetry, now_ns: int) -> None:
+        message = decode(telemetry.channel, telemetry.data, self._session)
+        if isinstance(message, Frame) and telemetry.pixels is not None:
+            frame = with_pixels(message, memoryview(telemetry.pixels))
+            if isinstance(frame, Frame):
+                self._recorder.picture(frame, now_ns)
+        elif isinstance(message, Message):
+            self._recorder.message(telemetry.channel, message, now_ns)
