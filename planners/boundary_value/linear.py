@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planners.errors import PlanError
-from planners.models.model import Cart, Model, Modes, cart_of
+from planners.models.model import Cart, Model, Modes, cart_for_input
 from planners.trajectories.pieces import ComplexArray, FloatArray
 
 if TYPE_CHECKING:
@@ -131,7 +131,7 @@ def linear_problem(problem: Problem) -> LinearProblem:
 def _sensitivities(p: Problem, state: FloatArray, count: int) -> FloatArray:
     """Of an end: 0 at rest; where the load swings, what a shift of the parameter makes of the mode's own coordinate, so
     that the angles do not change to first order: (count,)."""
-    swing, cart = state[2 : 2 + 2 * p.model.links_count], cart_of(p.input)
+    swing, cart = state[2 : 2 + 2 * p.model.links_count], cart_for_input(p.input)
     if not (count and swing.any()):
         return np.zeros(count)
     if len(p.robust) > 1:
@@ -153,7 +153,7 @@ def _sensitivities(p: Problem, state: FloatArray, count: int) -> FloatArray:
 @lru_cache(maxsize=256)
 def _system(model: Model, input: str, lag_s: float, robust: tuple[str, ...]) -> System:
     space = model.state_space(input, lag_s=lag_s)
-    cart = cart_of(input)
+    cart = cart_for_input(input)
     modes = model.modes(cart)
     _check_reach(modes, -1.0 / lag_s if input == "jerk" else None)
     moved = _moved_modes(model, cart, robust)

@@ -552,7 +552,7 @@ def test_a_parameter_that_shifts_an_overdamped_mode_is_refused():
 
 def test_damping_that_is_rounding_neither_grows_nor_stops_a_shaper():
     model = ChainModel(links=(Link(0.5, 1.0),) * 2, damping_ratio=1e-17)
-    assert max(rate.real for rate in model.swing_rates_1_s) <= 0.0
+    assert max(rate.real for rate in model.oscillatory_eigenvalues_1_s) <= 0.0
     assert plan("zvd", problem_of(model, time_s=4.0)).metrics.residual_swing_rad < 1e-12
 
 

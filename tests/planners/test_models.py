@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planners.errors import PlanError
-from planners.models.augmented import augmented, check_reachable, unreachable
+from planners.models.augmented import augmented, check_controllable, uncontrollable
 from planners.models.chain import ChainModel, Link, parse_links
 from planners.models.pendulum import PendulumModel
 from tests.planners.lagrangian import CartAndChain
@@ -485,16 +485,17 @@ def test_a_parameter_at_zero_has_a_slope_too(name):
     [(PendulumModel(length_m=1.0), "length"), (TABLES, "length_2"), (MIXED, "mass_1")],
 )
 def test_the_angles_sensitivities_can_be_reached_and_the_positions_cannot(model, name, input):
-    assert check_reachable(augmented(model, input, [name]))
+    assert check_controllable(augmented(model, input, [name]))
     with pytest.raises(
         PlanError,
-        match=r"states are tied to others .*; must be 0 for .*: take the sensitivities of the angles alone",
+        match=r"states are uncontrollable .*; must be 0 for .*: "
+        r"take the sensitivities of the angles alone",
     ):
-        check_reachable(augmented(model, input, [name], states="all"))
+        check_controllable(augmented(model, input, [name], states="all"))
     deaf = (f"position_m_per_{name}", f"speed_m_s_per_{name}")
     if input != "force":
-        assert unreachable(augmented(model, input, [name], states="all")) == deaf
-    assert not unreachable(model.state_space(input))
+        assert uncontrollable(augmented(model, input, [name], states="all")) == deaf
+    assert not uncontrollable(model.state_space(input))
 
 
 @pytest.mark.parametrize(
@@ -504,7 +505,7 @@ def test_the_angles_sensitivities_can_be_reached_and_the_positions_cannot(model,
 def test_a_second_parameter_asks_for_nothing_new(model, names):
     space = augmented(model, "acceleration", names)
     assert len(space.states) == 2 + 6 * model.links_count
-    assert {state for state in unreachable(space) if "_per_" in state} == set(
+    assert {state for state in uncontrollable(space) if "_per_" in state} == set(
         space.states[2 + 2 * model.links_count :]
     )
     columns = [space.b]
@@ -520,10 +521,10 @@ def test_parameters_that_cannot_be_forgiven_are_refused_by_name():
         augmented(model, "acceleration", ["lenght"])
     for name in ("mass", "cart_mass"):
         with pytest.raises(
-            PlanError, match=f"parameter = '{name}' moves nothing under input = 'acceleration'"
+            PlanError, match=f"parameter = '{name}' has no effect under input = 'acceleration'"
         ):
             augmented(model, "acceleration", [name])
-        assert not unreachable(augmented(model, "force", [name]))
+        assert not uncontrollable(augmented(model, "force", [name]))
     with pytest.raises(
         PlanError, match=r"parameters = \('length', 'length'\); each must be there once"
     ):
