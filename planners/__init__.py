@@ -1,4 +1,4 @@
 """Planners: a problem in, a trajectory and a plan with its metrics out. Pure.
 
-Imports nothing else of ours.
+Imports no other room of this project.
 """

@@ -1,6 +1,6 @@
-"""The one place that says how large a number a motion may be made of; each check hands the number back.
+"""Bounds of the numbers that a motion may be made of. Each check returns the number.
 
-Within these sizes powers of a time and of a rate neither overflow nor vanish.
+Within these bounds powers of a time and of a rate neither overflow nor underflow.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ from planners.errors import check_range
 
 SHORTEST_S, LONGEST_S = 1e-9, 1e9  # 30 years
 NEAREST_M, FARTHEST_M = 1e-30, 1e9
-SLOWEST, FASTEST = 1e-9, 1e12  # limits of speed, acceleration, ...
-DATUM = 1e12  # of a motor: 1e-12 to 1e12
+SLOWEST, FASTEST = 1e-9, 1e12  # speed [m/s], acceleration [m/s^2] and higher derivatives
+DATUM = 1e12  # data of a drive: 1e-12 to 1e12
 
 
 def duration(duration_s: float) -> float:
-    """A time to move in [s]."""
+    """Check a duration [s]; PlanError if it is out of bounds."""
     check_range(
         "duration_s", duration_s, SHORTEST_S, LONGEST_S, "give the motion a time in seconds"
     )
@@ -24,7 +24,7 @@ def duration(duration_s: float) -> float:
 
 
 def distance(distance_m: float, name: str = "distance_m") -> float:
-    """A way to go or a place [m], 0 and negative ones included."""
+    """Check a displacement or a position [m], which may be 0 or negative; PlanError if not."""
     check_range(name, distance_m, -FARTHEST_M, FARTHEST_M, "give it in metres")
     if distance_m:
         check_range(
@@ -34,7 +34,7 @@ def distance(distance_m: float, name: str = "distance_m") -> float:
 
 
 def limit(name: str, value: float) -> float:
-    """A bound of a rate of change, inf for none."""
+    """Check the limit of a derivative, inf for none; PlanError if it is out of bounds."""
     if value != math.inf:
         check_range(
             name, value, SLOWEST, FASTEST, "give the size without a sign, or inf for no limit"
@@ -43,19 +43,19 @@ def limit(name: str, value: float) -> float:
 
 
 def rate(name: str, value: float) -> float:
-    """A speed, acceleration, ... to be met, of any sign."""
+    """Check a required speed, acceleration, ... of any sign; PlanError if it is out of bounds."""
     check_range(name, value, -FASTEST, FASTEST, "give it in SI units")
     return value
 
 
 def half(name: str, value: float) -> float:
-    """A share of which a law has room for two."""
+    """Check a share that a law contains twice: 1e-6 to 0.5; PlanError if it is out of bounds."""
     check_range(name, value, 1e-6, 0.5, "take a share between them, as it is needed twice")
     return value
 
 
 def datum(name: str, value: float, *, zero: bool = False) -> float:
-    """A number from a drive's data sheet; some may be 0."""
+    """Check a number of a drive's data sheet; zero = True permits 0. PlanError if out of bounds."""
     if not (zero and value == 0.0):
         check_range(name, value, 1.0 / DATUM, DATUM, "read the catalogue or measure it")
     return value

@@ -1,4 +1,4 @@
-"""Every planner by name: the one door for whoever wants a plan."""
+"""Table of all planners by name, and the function that runs one of them."""
 
 from __future__ import annotations
 
@@ -12,16 +12,15 @@ from planners.boundary_value.matrix_exponential import plan_matrix_exponential
 from planners.boundary_value.shooting import plan_shooting
 from planners.errors import NotConverged, unknown_name
 from planners.plan_law import plan_law
-from planners.problem import Plan, Problem
+from planners.problem import Metrics, Plan, Problem
 from planners.replay.metrics import measure
 from planners.shapers.plan_shaped import SHAPED, plan_shaped
 from planners.trajectories.motion import Motion
 from planners.trajectories.trajectory import Trajectory
 
-LEFT, LEFT_RAD = (
-    1e-5,
-    1e-8,
-)  # of the peak swing, and besides: what a boundary-value planner may leave on its own model
+# Residual swing that a boundary-value planner may leave on its own linear model:
+RESIDUAL_SWING_REL = 1e-5  # of the peak swing, plus
+RESIDUAL_SWING_RAD = 1e-8
 Planner = Callable[[Problem], Trajectory]
 
 BOUNDARY_VALUE: dict[str, Planner] = {
@@ -39,10 +38,12 @@ PLANNERS: dict[str, Planner] = {
 
 
 def plan(name: str, problem: Problem, timer: Callable[[], float] | None = None) -> Plan:
-    """The named planner's answer, measured; timer() in seconds times the planner alone.
+    """Run the named planner and measure its trajectory.
 
-    Limits that the plan exceeds are told by its status and reasons. Raises PlanError for an unknown name or a problem
-    that this planner cannot answer, Infeasible when the time is too short for it.
+    timer() in seconds times the planner alone. Limits that the plan exceeds are reported by its
+    status and reasons. Raises PlanError for an unknown name or a problem that this planner cannot
+    solve, Infeasible when the time is too short for it, NotConverged when a boundary-value planner
+    leaves swing on its own linear model.
     """
     if name not in PLANNERS:
         raise unknown_name("planner", name, PLANNERS)
@@ -50,11 +51,18 @@ def plan(name: str, problem: Problem, timer: Callable[[], float] | None = None) 
     trajectory = PLANNERS[name](problem)
     compute_s = timer() - begin if timer else None
     metrics = measure(problem, trajectory)
-    left, bound = metrics.residual_swing_rad, LEFT * metrics.peak_swing_rad + LEFT_RAD
-    if name in BOUNDARY_VALUE and not problem.nonlinear and not left <= bound:
-        raise NotConverged(
-            f"{name} leaves {left:.3g} rad of swing on its own model; must be <= {bound:.3g} rad: rounding spoils a load with "
-            "modes so alike or so stiff; take finite_differences, or change the load"
-        )
+    if name in BOUNDARY_VALUE and not problem.nonlinear:
+        _check_residual_swing(name, metrics)
     motion = Motion.along(problem.axis, trajectory)
     return Plan(planner=name, problem=problem, motion=motion, metrics=metrics, compute_s=compute_s)
+
+
+def _check_residual_swing(name: str, metrics: Metrics) -> None:
+    residual_rad = metrics.residual_swing_rad
+    bound_rad = RESIDUAL_SWING_REL * metrics.peak_swing_rad + RESIDUAL_SWING_RAD
+    if not residual_rad <= bound_rad:
+        raise NotConverged(
+            f"{name} leaves {residual_rad:.3g} rad of residual swing on its own model; must be "
+            f"<= {bound_rad:.3g} rad: rounding is too large for modes so close together or so "
+            "stiff; take finite_differences, or change the load"
+        )

@@ -1,4 +1,4 @@
-"""What planners/ raises. A message says what, the value, the bound and the next step."""
+"""Errors of planners/. A message states what, the value, the bound and the next step."""
 
 from __future__ import annotations
 
@@ -6,11 +6,14 @@ from collections.abc import Collection
 
 
 class PlanError(ValueError):
-    """Root of everything planners/ raises, e.g. `length_m = -0.2; must be > 0: measure pivot to load`."""
+    """Root of all errors of planners/.
+
+    Example: `length_m = -0.2; must be > 0: measure pivot to load`.
+    """
 
 
 class Infeasible(PlanError):
-    """No plan of this kind exists in the time given; minimum_time_s is the bound where one is known."""
+    """Absence of a plan in the given time; minimum_time_s is the bound where one is known."""
 
     def __init__(self, message: str, minimum_time_s: float | None = None) -> None:
         super().__init__(message)
@@ -18,17 +21,20 @@ class Infeasible(PlanError):
 
 
 class NotConverged(PlanError):
-    """A numerical method stopped short of its tolerance, e.g. `shooting amplifies rounding 2e+53 times; must be <= 1e+08`."""
+    """Failure of a numerical method to reach its tolerance.
+
+    Example: `shooting amplifies rounding 2e+53 times; must be <= 1e+08`.
+    """
 
 
 def check_range(what: str, value: float, low: float, high: float, advice: str) -> None:
-    """Raises PlanError unless low <= value <= high; NaN is outside."""
+    """Raise PlanError unless low <= value <= high; NaN is outside."""
     if not low <= value <= high:
         raise PlanError(f"{what} = {value}; must be {low:g} to {high:g}: {advice}")
 
 
 def unknown_name(what: str, name: str, known: Collection[str]) -> PlanError:
-    """The error for a name that is in no table: the nearest one, and the whole list."""
+    """Build the error for an unknown name: the most similar known name, and all of them."""
     import difflib
 
     near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)

@@ -1,4 +1,4 @@
-"""A motion law as it is, for comparison with what takes the load into account."""
+"""Motion law without regard to the load, for comparison with planners that model it."""
 
 from __future__ import annotations
 
@@ -9,13 +9,18 @@ from planners.trajectories.trajectory import Trajectory
 
 
 def plan_law(problem: Problem) -> Trajectory:
-    """The problem's law from start to goal; the load swings as it will. PlanError for ends that are not rest, or robust."""
+    """Plan the problem's motion law from start to goal; the model of the load is not used.
+
+    Raises PlanError for ends that are not at rest, and for robust parameters.
+    """
     if not problem.rest_to_rest:
         raise PlanError(
-            f"planner law from {problem.start_state} to {problem.goal_state}; must be rest to rest: take convolution"
+            f"planner law from {problem.start_state} to {problem.goal_state}; must be rest to "
+            "rest: take convolution"
         )
     if problem.robust:
         raise PlanError(
-            f"planner law with robust = {problem.robust}; must be (), as a law knows no load: take zvd or convolution"
+            f"planner law with robust = {problem.robust}; must be (), as a law contains no model "
+            "of the load: take zvd or convolution"
         )
     return LAWS[problem.law](problem.time_s).scaled(problem.distance_m).shifted(problem.start_m)

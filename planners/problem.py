@@ -1,4 +1,4 @@
-"""What is asked, and what comes back: a move of one axis that leaves the load without swing."""
+"""Statement of a planning problem and its result: a move of one axis without residual swing."""
 
 from __future__ import annotations
 
@@ -11,35 +11,31 @@ import numpy as np
 
 from planners.errors import PlanError, check_range, unknown_name
 from planners.laws import LAWS
-from planners.models.model import INPUTS, LAG_S, LAGS_S, Model, cart_of
+from planners.models.model import INPUTS, LAG_S, LAGS_S, Model, cart_for_input
 from planners.trajectories.motion import Motion
 from planners.trajectories.pieces import FloatArray
 
-AXES = ("x", "y")  # a vertical move swings nothing
-LONGEST_PERIODS = 1000.0  # of the fastest mode; a replay of it takes seconds
-SHORTEST_PERIODS = 0.01  # of the slowest mode; a load cannot be brought anywhere in less
-LONGEST_LAGS = 1e5  # of the jerk model's filter
-HEAVIEST = 1e12  # a weight
-FASTEST = 1e3  # rad, rad/s, m/s, m/s^2: a state at an end
-FARTHEST_M = 1000.0  # beyond it nothing is a laboratory
-HORIZONTAL_RAD = (
-    math.pi / 2
-)  # a load that swings so high hangs on nothing, and linear plans mean nothing
+AXES = ("x", "y")  # a vertical move excites no swing
+MAX_FAST_PERIODS = 1000.0  # move duration in periods of the fastest mode; a replay takes seconds
+MIN_SLOW_PERIODS = 0.01  # move duration in periods of the slowest mode
+MAX_LAGS = 1e5  # move duration in time constants of the jerk model's filter
+MAX_WEIGHT = 1e12  # of a state or of the input
+MAX_END_STATE = 1e3  # rad, rad/s, m/s, m/s^2: a state at an end
+FARTHEST_M = 1000.0  # larger than any laboratory
+HORIZONTAL_RAD = math.pi / 2  # beyond it a cable is slack and a linear model is invalid
 LIMIT_EXCESS_REL = 1e-9  # share of a limit that a peak may exceed it by
 
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """What the platform may do; exceeded limits are reported by the plan's status, not raised."""
+    """Limits of the platform; a plan that exceeds them reports it by its status, nothing raises."""
 
     speed_m_s: float = math.inf
     acceleration_m_s2: float = math.inf
 
     def __post_init__(self) -> None:
-        for name, value in (
-            ("speed_m_s", self.speed_m_s),
-            ("acceleration_m_s2", self.acceleration_m_s2),
-        ):
+        for name in ("speed_m_s", "acceleration_m_s2"):
+            value = getattr(self, name)
             if not value > 0.0:
                 raise PlanError(
                     f"{name} = {value} in limits; must be > 0: leave it out for no limit"
@@ -48,11 +44,12 @@ class Limits:
 
 @dataclass(frozen=True, kw_only=True)
 class Problem:
-    """A move from start_m by distance_m in time_s, and what the planner believes about the load.
+    """Move from start_m by distance_m in time_s, with the planner's model of the load.
 
-    start_state and goal_state name the states that are not at rest there, e.g. {"angle_rad": 0.05}; position_m is
-    start_m and start_m + distance_m. A plan minimises 1/2 int (sum of state_weights x state^2 + input_weight x input^2) dt.
-    Raises PlanError for a value out of bounds or a name that is not known.
+    start_state and goal_state name the states that are not at rest there, e.g. {"angle_rad": 0.05};
+    position_m is start_m and start_m + distance_m. A plan minimises
+    1/2 int (sum of state_weights x state^2 + input_weight x input^2) dt.
+    Raises PlanError for a value out of bounds or an unknown name.
     """
 
     distance_m: float
@@ -60,21 +57,22 @@ class Problem:
     model: Model
     start_m: float = 0.0
     axis: str = "x"
-    input: str = "acceleration"  # or "force", or "jerk": acceleration through a first-order lag, hence continuous
+    # "acceleration", "force", or "jerk": acceleration through a first-order lag, hence continuous
+    input: str = "acceleration"
     lag_s: float = LAG_S  # of the jerk model
-    nonlinear: bool = False  # plan for the true pendulum instead of its small swings
-    robust: tuple[str, ...] = ()  # parameters of the model whose error the plan should forgive
-    law: str = "harmonic"  # what a shaper shapes
+    nonlinear: bool = False  # plan for the nonlinear pendulum instead of its small swings
+    robust: tuple[str, ...] = ()  # parameters of the model to whose error the plan is insensitive
+    law: str = "harmonic"  # motion law that an input shaper convolves
     limits: Limits = field(default_factory=Limits)
     start_state: Mapping[str, float] = field(default_factory=dict)
     goal_state: Mapping[str, float] = field(default_factory=dict)
-    state_weights: Mapping[str, float] = field(default_factory=dict)  # Q's diagonal
+    state_weights: Mapping[str, float] = field(default_factory=dict)  # diagonal of Q
     input_weight: float = 1.0  # R
 
     def __post_init__(self) -> None:
         if not 0.0 < self.time_s < math.inf:
             raise PlanError(
-                f"time_s = {self.time_s}; must be > 0 and finite: give the time the move may take"
+                f"time_s = {self.time_s}; must be > 0 and finite: give the duration of the move"
             )
         self._check_periods()
         for name, value in (("start_m", self.start_m), ("distance_m", self.distance_m)):
@@ -93,7 +91,8 @@ class Problem:
             if name not in self.model.parameters:
                 raise unknown_name("parameter in robust", name, self.model.parameters)
         self._check_weights()
-        self.start(), self.goal()
+        self.start()
+        self.goal()
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -101,16 +100,16 @@ class Problem:
         return self.model.state_space(self.input, lag_s=self.lag_s).states
 
     def start(self) -> FloatArray:
-        """State of the model at the start: (n,), in the order of its states."""
+        """Assemble the state of the model at the start: (n,), in the order of its states."""
         return self._state("start_state", self.start_m, self.start_state)
 
     def goal(self) -> FloatArray:
-        """State of the model at time_s: (n,)."""
+        """Assemble the state of the model at time_s: (n,)."""
         return self._state("goal_state", self.start_m + self.distance_m, self.goal_state)
 
     @property
     def rest_to_rest(self) -> bool:
-        """Whether nothing moves at either end."""
+        """True if platform and load are at rest at both ends."""
         return not (np.any(self.start()[1:]) or np.any(self.goal()[1:]))
 
     def _state(self, what: str, position_m: float, values: Mapping[str, float]) -> FloatArray:
@@ -118,26 +117,37 @@ class Problem:
         for name, value in values.items():
             if name not in states[1:]:
                 raise unknown_name(f"name in {what}", name, states[1:])
-            check_range(f"{name} in {what}", value, -FASTEST, FASTEST, "leave it out for rest")
+            check_range(
+                f"{name} in {what}", value, -MAX_END_STATE, MAX_END_STATE, "leave it out for rest"
+            )
         return np.array([position_m, *(values.get(name, 0.0) for name in states[1:])])
 
     def _check_periods(self) -> None:
-        """A move is neither a jerk of the hand nor a day of swinging, in the time of any mode or of the filter."""
-        rates = np.abs(self.model.modes(cart_of(self.input)).eigenvalues_1_s) / (2.0 * math.pi)
-        slow, fast = self.time_s * float(rates.min()), self.time_s * float(rates.max())
-        if slow < SHORTEST_PERIODS:
+        """Raise PlanError unless the move lasts a sensible number of modal periods.
+
+        At least 0.01 periods of the slowest mode, at most 1000 of the fastest one, and at most 1e5
+        time constants of the jerk model's filter.
+        """
+        eigenvalues = self.model.modes(cart_for_input(self.input)).eigenvalues_1_s
+        frequencies_hz = np.abs(eigenvalues) / (2.0 * math.pi)
+        slow_periods = self.time_s * float(frequencies_hz.min())
+        fast_periods = self.time_s * float(frequencies_hz.max())
+        if slow_periods < MIN_SLOW_PERIODS:
             raise PlanError(
-                f"time_s = {self.time_s} is {slow:.3g} periods of the load; must be >= {SHORTEST_PERIODS:g}: give it more time"
+                f"time_s = {self.time_s} is {slow_periods:.3g} periods of the load; must be >= "
+                f"{MIN_SLOW_PERIODS:g}: give it more time"
             )
-        if fast > LONGEST_PERIODS:
+        if fast_periods > MAX_FAST_PERIODS:
             raise PlanError(
-                f"time_s = {self.time_s} is {fast:.6g} periods of the load's fastest mode; must be <= {LONGEST_PERIODS:g}: "
+                f"time_s = {self.time_s} is {fast_periods:.6g} periods of the load's fastest mode; "
+                f"must be <= {MAX_FAST_PERIODS:g}: "
                 "shorten the move, or check lengths, masses, stiffness and damping"
             )
-        if self.input == "jerk" and self.time_s > LONGEST_LAGS * self.lag_s:
-            shortest = self.time_s / LONGEST_LAGS
+        if self.input == "jerk" and self.time_s > MAX_LAGS * self.lag_s:
+            min_lag_s = self.time_s / MAX_LAGS
             raise PlanError(
-                f"lag_s = {self.lag_s}; must be >= time_s / {LONGEST_LAGS:g} = {shortest:g}: take a slower filter"
+                f"lag_s = {self.lag_s}; must be >= time_s / {MAX_LAGS:g} = {min_lag_s:g}: "
+                "take a slower filter"
             )
 
     def _check_weights(self) -> None:
@@ -145,18 +155,18 @@ class Problem:
         check_range(
             "input_weight",
             self.input_weight,
-            1.0 / HEAVIEST,
-            HEAVIEST,
+            1.0 / MAX_WEIGHT,
+            MAX_WEIGHT,
             "leave it out for the default",
         )
         for name, value in self.state_weights.items():
             if name not in self.states:
                 raise unknown_name("name in state_weights", name, self.states)
-            check_range(f"{name} in state_weights", value, 0.0, HEAVIEST, "leave it out for 0")
+            check_range(f"{name} in state_weights", value, 0.0, MAX_WEIGHT, "leave it out for 0")
 
 
 class Status(enum.Enum):
-    """Whether a plan may be run."""
+    """Status of a plan: permitted to run, or over the limits."""
 
     OK = "ok"
     OVER_LIMITS = "over_limits"
@@ -164,7 +174,7 @@ class Status(enum.Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Metrics:
-    """Absolute maxima and root mean squares over the move; residuals are swing amplitudes at its end."""
+    """Peaks and root mean squares over a move; residuals are swing amplitudes at its end."""
 
     peak_swing_rad: float  # nonlinear replay
     residual_swing_rad: float  # linear model
@@ -179,35 +189,32 @@ class Metrics:
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """A motion, the problem it answers, and what it amounts to."""
+    """Motion with the problem it solves and its metrics."""
 
     planner: str
     problem: Problem
     motion: Motion
     metrics: Metrics
-    compute_s: float | None  # of the planner alone; None when nobody timed it
+    compute_s: float | None  # computing time of the planner alone; None when not timed
 
     @property
     def status(self) -> Status:
-        """OK, or OVER_LIMITS for the reasons given."""
+        """OK, or OVER_LIMITS if there are reasons."""
         return Status.OVER_LIMITS if self.reasons else Status.OK
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Each limit the plan exceeds, a swing to the horizontal among them: value, bound and next step."""
+        """Exceeded limits, incl. a swing beyond the horizontal: value, bound and next step."""
         limits, metrics = self.problem.limits, self.metrics
+        peak_m_s2 = metrics.peak_acceleration_m_s2
         checks = (
             ("peak speed", metrics.peak_speed_m_s, "m/s", limits.speed_m_s),
-            (
-                "peak acceleration",
-                metrics.peak_acceleration_m_s2,
-                "m/s^2",
-                limits.acceleration_m_s2,
-            ),
+            ("peak acceleration", peak_m_s2, "m/s^2", limits.acceleration_m_s2),
             ("peak swing", metrics.peak_swing_rad, "rad", HORIZONTAL_RAD),
         )
         return tuple(
-            f"{what} = {value:.6g} {unit}; limit {bound:g} {unit}: give the move more than time_s = {self.problem.time_s:g}"
+            f"{what} = {value:.6g} {unit}; limit {bound:g} {unit}: "
+            f"give the move more than time_s = {self.problem.time_s:g}"
             for what, value, unit, bound in checks
             if value > bound * (1.0 + LIMIT_EXCESS_REL)
         )

@@ -1,4 +1,7 @@
-"""The minimum-energy input as exact pieces: the modes' own impulse responses, played backwards, and what the platform does."""
+"""Minimum-energy input in closed form, and the platform motion that it causes, in exact pieces.
+
+The input is a sum of the modes' impulse responses, reversed in time.
+"""
 
 from __future__ import annotations
 
@@ -9,145 +12,160 @@ from itertools import pairwise
 
 import numpy as np
 
-from planners.boundary_value.linear import LinearProblem, Spectrum
+from planners.boundary_value.linear import LinearProblem
+from planners.boundary_value.modal_form import ModalForm
 from planners.errors import PlanError
 from planners.problem import Problem
 from planners.trajectories.driven import Term, forced_response, real_part
 from planners.trajectories.pieces import ComplexArray, ExpPolynomial, ModalTerm, add_closed
 from planners.trajectories.trajectory import Trajectory
 
-END_ERROR = 1e-9  # of the move
-SHORT_MOVE_M = 1e-3  # a shorter one is judged as this one
-STEEPEST = 300.0  # |Re rate| x duration of a piece: beyond 700 an exponential is no number
+MAX_END_ERROR_REL = 1e-9  # position error at the end, relative to the distance
+MIN_DISTANCE_M = 1e-3  # reference of the error of shorter moves
+MAX_PIECE_EXPONENT = 300.0  # |Re eigenvalue| x duration of a piece; exp overflows beyond 700
 
 
 def trajectory_of(
-    problem: Problem, linear: LinearProblem, shares: ComplexArray, planner: str
+    problem: Problem, linear: LinearProblem, coefficients: ComplexArray, planner: str
 ) -> Trajectory:
-    """Platform position for the input u(t) = sum_j shares_j conj(s^power_j exp(rate_j s)), s = T - t; shares (n,).
+    """Integrate the input into the position of the platform.
 
-    Raises PlanError when rounding has spoilt the end of the move.
+    u(t) = sum_j coefficients_j conj(s^power_j exp(mu_j s)) with s = T - t; coefficients (n,).
+    Raises PlanError when rounding displaces the end of the move.
     """
-    spectrum, time_s = linear.system.spectrum, linear.time_s
-    steep = float(np.abs(spectrum.eigenvalues_1_s.real).max()) * time_s
-    parts = max(1, math.ceil(steep / STEEPEST))
+    modal, time_s = linear.system.modal, linear.time_s
+    exponent = float(np.abs(modal.eigenvalues_1_s.real).max()) * time_s
+    parts = max(1, math.ceil(exponent / MAX_PIECE_EXPONENT))
     cuts = [time_s * k / parts for k in range(parts + 1)]
-    shares = (
-        shares + shares[spectrum.partners].conj()
-    ) / 2  # rounding leaves pairs a little unlike
-    path, pieces = _Path(problem, linear), []
+    # Rounding leaves small differences in conjugate pairs.
+    coefficients = (coefficients + coefficients[modal.partners].conj()) / 2
+    path = _PlatformPath(problem, linear)
+    pieces = []
     for begin, end in pairwise(cuts):
-        push = _input(spectrum, shares, time_s - begin, end - begin)
-        pieces.append(path.answer(push))
+        piece = _input_piece(modal, coefficients, time_s - begin, end - begin)
+        pieces.append(path.integrate(piece))
     return Trajectory(checked_end(problem, planner, tuple(pieces), path.position_m))
 
 
 def checked_end(
     problem: Problem, planner: str, pieces: Sequence[ExpPolynomial], end_m: float
 ) -> Sequence[ExpPolynomial]:
-    """The pieces, if they end where the problem wants them to; PlanError otherwise."""
-    error = abs(end_m - problem.start_m - problem.distance_m)
-    if not error <= END_ERROR * max(abs(problem.distance_m), SHORT_MOVE_M):
-        raise spoilt(problem, planner, error)
+    """Return the pieces if end_m is the goal position; raise PlanError otherwise."""
+    error_m = abs(end_m - problem.start_m - problem.distance_m)
+    if not error_m <= MAX_END_ERROR_REL * max(abs(problem.distance_m), MIN_DISTANCE_M):
+        raise end_error(problem, planner, error_m)
     return pieces
 
 
-def spoilt(problem: Problem, planner: str, error_m: float) -> PlanError:
-    """The error of a move that does not end where it should."""
+def end_error(problem: Problem, planner: str, error_m: float) -> PlanError:
+    """Build the error for a move whose end position is wrong by error_m."""
     return PlanError(
-        f"{planner} misses the end by {error_m:.3g} m in time_s = {problem.time_s}; must be within {END_ERROR:g} of "
-        f"distance_m = {problem.distance_m}: rounding spoils a move so short for its load, or so stiff; change time_s, lag_s "
-        "or the load"
+        f"{planner} misses the end by {error_m:.3g} m in time_s = {problem.time_s}; must be within "
+        f"{MAX_END_ERROR_REL:g} of distance_m = {problem.distance_m}: rounding is too large for a "
+        "move so short for its load, or for a load so stiff; change time_s, lag_s or the load"
     )
 
 
 def refuse_nonlinear(problem: Problem, planner: str) -> None:
-    """Closed forms know linear models only."""
+    """Raise PlanError for a nonlinear problem: closed forms exist for linear models only."""
     if problem.nonlinear:
         raise PlanError(
-            f"nonlinear = True for {planner}; must be False: take collocation, finite_differences or shooting"
+            f"nonlinear = True for {planner}; must be False: "
+            "take collocation, finite_differences or shooting"
         )
 
 
-class _Path:
-    """Platform and load along the pieces, from the start on."""
+class _PlatformPath:
+    """State of platform and load at the end of the pieces integrated so far."""
 
     def __init__(self, problem: Problem, linear: LinearProblem) -> None:
-        self._problem, n = problem, problem.model.links_count
-        self.position_m, self._speed = linear.start[:2].tolist()
+        n = problem.model.links_count
+        self._problem = problem
+        self.position_m, self._speed_m_s = linear.start[:2].tolist()
         self._acceleration = float(linear.start[2 + 2 * n]) if problem.input == "jerk" else 0.0
-        self._swing: list[
-            tuple[complex, complex, complex]
-        ] = []  # rate, share in the platform's place, value
+        # eigenvalue, factor of the mode in the platform's position, modal coordinate
+        self._swing: list[tuple[complex, complex, complex]] = []
         if problem.input == "force":
-            self._free(linear)
+            self._start_free(linear)
 
-    def _free(self, linear: LinearProblem) -> None:
-        """Position and speed become those of the common centre of mass; the platform follows from the swing."""
+    def _start_free(self, linear: LinearProblem) -> None:
+        """Set the state of the common centre of mass, and of the modes under a free platform.
+
+        The position of the platform follows from both.
+        """
         model = self._problem.model
         n, e, modes = model.links_count, model.equations, model.modes("free")
-        whole = e.cart_mass_kg + e.load_mass_kg
+        total_kg = e.cart_mass_kg + e.load_mass_kg
         angles, rates = linear.start[2 : 2 + n], linear.start[2 + n : 2 + 2 * n]
-        self._whole_kg = whole
-        self.centre = [
-            self.position_m + float(e.coupling_kg_m @ angles) / whole,
-            self._speed + float(e.coupling_kg_m @ rates) / whole,
+        self._total_kg = total_kg
+        self._centre = [  # position [m] and speed [m/s] of the common centre of mass
+            self.position_m + float(e.coupling_kg_m @ angles) / total_kg,
+            self._speed_m_s + float(e.coupling_kg_m @ rates) / total_kg,
         ]
-        shares = -(e.coupling_kg_m @ modes.mode_shapes[:n]) / whole
+        factors = -(e.coupling_kg_m @ modes.mode_shapes[:n]) / total_kg
         values = modes.left_eigenvectors @ np.concatenate([angles, rates])
-        for rate, share, value in zip(
-            modes.eigenvalues_1_s.tolist(), shares.tolist(), values.tolist(), strict=True
+        for eigenvalue, factor, value in zip(
+            modes.eigenvalues_1_s.tolist(), factors.tolist(), values.tolist(), strict=True
         ):
-            if rate.imag >= 0.0:
-                self._swing.append((rate, share * (2.0 if rate.imag else 1.0), value))
+            if eigenvalue.imag >= 0.0:
+                pair = 2.0 if eigenvalue.imag else 1.0
+                self._swing.append((eigenvalue, factor * pair, value))
 
-    def answer(self, push: ExpPolynomial) -> ExpPolynomial:
-        """Position of the platform while this input acts."""
+    def integrate(self, input_piece: ExpPolynomial) -> ExpPolynomial:
+        """Compute the position of the platform while this piece of the input acts."""
         if self._problem.input == "force":
-            return self._answer_force(push.scaled(1.0 / self._whole_kg))
+            return self._integrate_force(input_piece.scaled(1.0 / self._total_kg))
+        acceleration = input_piece
         if self._problem.input == "jerk":
-            lag = self._problem.lag_s
-            answer = forced_response(
-                push.scaled(1.0 / lag), complex(-1.0 / lag), complex(self._acceleration)
+            lag_s = self._problem.lag_s
+            response = forced_response(
+                input_piece.scaled(1.0 / lag_s), complex(-1.0 / lag_s), complex(self._acceleration)
             )
-            push = real_part(((1.0 + 0j, term) for term in answer), push.duration_s)
-            self._acceleration = push.value(push.duration_s)
-        speed = push.integral(self._speed)
-        move = speed.integral(self.position_m)
-        self.position_m, self._speed = move.value(push.duration_s), speed.value(push.duration_s)
-        return move
+            terms = ((1.0 + 0j, term) for term in response)
+            acceleration = real_part(terms, input_piece.duration_s)
+            self._acceleration = acceleration.value(acceleration.duration_s)
+        speed = acceleration.integral(self._speed_m_s)
+        position = speed.integral(self.position_m)
+        self.position_m = position.value(acceleration.duration_s)
+        self._speed_m_s = speed.value(acceleration.duration_s)
+        return position
 
-    def _answer_force(self, push: ExpPolynomial) -> ExpPolynomial:
-        speed = push.integral(self.centre[1])
-        move = speed.integral(self.centre[0])
-        self.centre = [move.value(push.duration_s), speed.value(push.duration_s)]
+    def _integrate_force(self, acceleration: ExpPolynomial) -> ExpPolynomial:
+        """Compute the position of the platform from the acceleration of the centre of mass."""
+        duration_s = acceleration.duration_s
+        speed = acceleration.integral(self._centre[1])
+        position = speed.integral(self._centre[0])
+        self._centre = [position.value(duration_s), speed.value(duration_s)]
         parts = list[tuple[complex, Term]]()
-        for k, (rate, share, value) in enumerate(self._swing):
-            terms = forced_response(push, rate, value)
-            self._swing[k] = (rate, share, sum((term.at(push.duration_s) for term in terms), 0j))
-            parts += [(share, term) for term in terms]
-        move = add_closed(move, real_part(parts, push.duration_s))
-        self.position_m = move.value(push.duration_s)
-        return move
+        for k, (eigenvalue, factor, value) in enumerate(self._swing):
+            terms = forced_response(acceleration, eigenvalue, value)
+            end_value = sum((term.at(duration_s) for term in terms), 0j)
+            self._swing[k] = (eigenvalue, factor, end_value)
+            parts += [(factor, term) for term in terms]
+        position = add_closed(position, real_part(parts, duration_s))
+        self.position_m = position.value(duration_s)
+        return position
 
 
-def _input(
-    spectrum: Spectrum, shares: ComplexArray, left_s: float, duration_s: float
+def _input_piece(
+    modal: ModalForm, coefficients: ComplexArray, left_s: float, duration_s: float
 ) -> ExpPolynomial:
-    """The piece that begins left_s before the end of the move."""
-    rates, terms = spectrum.eigenvalues_1_s.tolist(), dict[int, tuple[complex, complex]]()
-    for power, driver, share in zip(
-        spectrum.powers.tolist(), spectrum.drivers.tolist(), shares.tolist(), strict=True
+    """Assemble the piece of the input that begins left_s before the end of the move."""
+    eigenvalues = modal.eigenvalues_1_s.tolist()
+    terms = dict[int, tuple[complex, complex]]()  # driver: coefficients of powers 0 and 1
+    for power, driver, coefficient in zip(
+        modal.powers.tolist(), modal.drivers.tolist(), coefficients.tolist(), strict=True
     ):
         c0, c1 = terms.get(driver, (0j, 0j))
-        terms[driver] = (c0, c1 + share) if power else (c0 + share, c1)
-    line, modes = (0.0, 0.0), []
+        terms[driver] = (c0, c1 + coefficient) if power else (c0 + coefficient, c1)
+    line = (0.0, 0.0)
+    modes = []
     for driver, (c0, c1) in terms.items():
-        rate = rates[driver].conjugate()
-        if rate == 0.0:
+        eigenvalue = eigenvalues[driver].conjugate()
+        if eigenvalue == 0.0:
             line = ((c0 + c1 * left_s).real, -c1.real)
-        elif rate.imag <= 0.0:  # the other half of a pair doubles the real part
-            size = cmath.exp(rate * left_s) * (2.0 if rate.imag else 1.0)
-            p = (size * (c0 + c1 * left_s), -size * c1) if c1 else (size * c0,)
-            modes.append(ModalTerm(-rate, p))
+        elif eigenvalue.imag <= 0.0:  # the other half of a pair doubles the real part
+            scale = cmath.exp(eigenvalue * left_s) * (2.0 if eigenvalue.imag else 1.0)
+            p = (scale * (c0 + c1 * left_s), -scale * c1) if c1 else (scale * c0,)
+            modes.append(ModalTerm(-eigenvalue, p))
     return ExpPolynomial(duration_s, line, tuple(modes))

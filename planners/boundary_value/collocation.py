@@ -1,64 +1,74 @@
-"""Minimum-energy move by collocation: scipy's solve_bvp, in sizes and in shares of the move's time."""
+"""Minimum-energy move by collocation: scipy's solve_bvp on nondimensional states and time."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from planners.boundary_value.conditions import conditions
-from planners.boundary_value.nodes import Budget, checked_trajectory, graded_grid
+from planners.boundary_value.conditions import boundary_value_problem
+from planners.boundary_value.nodes import WorkBudget, checked_trajectory, graded_grid
 from planners.errors import NotConverged
 from planners.problem import Problem
 from planners.trajectories.pieces import FloatArray
 from planners.trajectories.trajectory import Trajectory
 
-TOLERANCE = 1e-6  # of solve_bvp: residual of the slope, relative to 1 + the slope, in sizes a move
-END_ERROR = 1e-11  # of the states at both ends, in sizes
-MOST_TIMES = 20  # the nodes of the first mesh; three links, robust, with a lag take 8 times
-MOST_MESH = 1e6  # nodes x states^2 of one mesh: 300 MB
-MOST_WORK = 5e6  # the same over all Jacobians: 0.5 to 1 us each
+TOLERANCE = 1e-6  # of solve_bvp: nondimensional residual of z', relative to 1 + |z'|
+END_TOLERANCE = 1e-11  # of the nondimensional states at both ends
+MAX_MESH_GROWTH = 20  # nodes over those of the first mesh; three links, robust, with a lag take 8
+MAX_MESH_ENTRIES = 1e6  # nodes x states^2 of one mesh: 300 MB
+MAX_WORK = 5e6  # nodes x states^2 over all Jacobians: 0.5 to 1 us each
 
 
 def plan_collocation(problem: Problem) -> Trajectory:
-    """min 1/2 int (x'Qx + r u^2) dt by Lobatto collocation of order 4 on a mesh that fits itself (scipy's solve_bvp).
+    """Minimise 1/2 int (x'Qx + r u^2) dt by Lobatto collocation of order 4 (scipy's solve_bvp).
 
-    State and costate are divided by what the move asks of each, time by time_s; Jacobians are analytic; the guess is zero.
-    Raises NotConverged with solve_bvp's message when it fails or its work runs out, PlanError for a nonlinear problem these
-    conditions do not cover.
+    The mesh is adaptive. State and costate are divided by their scales, time by time_s; Jacobians
+    are analytic; the initial guess is zero. Raises NotConverged with solve_bvp's message when it
+    fails or exceeds its work, PlanError for a nonlinear problem that is not supported.
     """
     from scipy.integrate import solve_bvp
 
-    asked = conditions(problem)
-    n, size, time_s = len(asked.start), asked.sizes[:, None], asked.time_s
-    start, goal = asked.start / asked.sizes[:n], asked.goal / asked.sizes[:n]
-    ratio = (size.T / size)[:, :, None] * time_s
-    identity, nothing = np.eye(n, 2 * n), np.zeros((n, 2 * n))
-    by_start, by_goal = np.vstack([identity, nothing]), np.vstack([nothing, identity])
-    t_s = graded_grid(asked)
-    most_nodes = int(min(MOST_TIMES * len(t_s), MOST_MESH / n**2))
-    work = Budget("collocation", MOST_WORK, asked.way_out)
+    bvp = boundary_value_problem(problem)
+    n, time_s = len(bvp.start), bvp.time_s
+    scales = bvp.scales[:, None]
+    start, goal = bvp.start / bvp.scales[:n], bvp.goal / bvp.scales[:n]
+    ratio = (scales.T / scales)[:, :, None] * time_s
+    identity, zeros = np.eye(n, 2 * n), np.zeros((n, 2 * n))
+    by_start, by_goal = np.vstack([identity, zeros]), np.vstack([zeros, identity])
+    t_s = graded_grid(bvp)
+    max_nodes = int(min(MAX_MESH_GROWTH * len(t_s), MAX_MESH_ENTRIES / n**2))
+    work = WorkBudget("collocation", MAX_WORK, bvp.hint)
     work.spend(float(len(t_s) * n * n))
 
-    def jacobian(s: FloatArray, z: FloatArray) -> FloatArray:
-        work.spend(float(z.shape[1] * n * n))
-        return np.asarray(asked.jacobian(z * size) * ratio)
+    def rhs(_: FloatArray, z: FloatArray) -> FloatArray:
+        return bvp.rhs(z * scales) / scales * time_s
 
-    with np.errstate(
-        over="ignore", invalid="ignore"
-    ):  # a trial step of Newton may go anywhere; it is then not taken
+    def jacobian(_: FloatArray, z: FloatArray) -> FloatArray:
+        work.spend(float(z.shape[1] * n * n))
+        return np.asarray(bvp.jacobian(z * scales) * ratio)
+
+    def end_errors(at_start: FloatArray, at_goal: FloatArray) -> FloatArray:
+        return np.concatenate([at_start[:n] - start, at_goal[:n] - goal])
+
+    def end_jacobians(_: FloatArray, __: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return by_start, by_goal
+
+    # A trial step of Newton's method may overflow; it is then rejected.
+    with np.errstate(over="ignore", invalid="ignore"):
         found = solve_bvp(
-            lambda s, z: asked.slope(z * size) / size * time_s,
-            lambda a, b: np.concatenate([a[:n] - start, b[:n] - goal]),
+            rhs,
+            end_errors,
             t_s / time_s,
             np.zeros((2 * n, len(t_s))),
             fun_jac=jacobian,
-            bc_jac=lambda a, b: (by_start, by_goal),
+            bc_jac=end_jacobians,
             tol=TOLERANCE,
-            bc_tol=END_ERROR,
-            max_nodes=most_nodes,
+            bc_tol=END_TOLERANCE,
+            max_nodes=max_nodes,
         )
     if found.status != 0:
+        residual = float(found.rms_residuals.max())
         raise NotConverged(
-            f"collocation: {found.message} Residual {float(found.rms_residuals.max()):.3g} on {found.x.size} nodes; must be <= "
-            f"{TOLERANCE:g} on {most_nodes} in time_s = {time_s}: {asked.way_out}"
+            f"collocation: {found.message} Residual {residual:.3g} on {found.x.size} nodes; must "
+            f"be <= {TOLERANCE:g} on {max_nodes} in time_s = {time_s}: {bvp.hint}"
         )
-    return checked_trajectory(problem, asked, t_s, found.sol(t_s / time_s) * size, "collocation")
+    return checked_trajectory(problem, bvp, t_s, found.sol(t_s / time_s) * scales, "collocation")

@@ -1,4 +1,4 @@
-"""Minimum-energy move by the convolution integral: the Gram matrix of the modes' impulse responses."""
+"""Minimum-energy move by the convolution integral: Gram matrix of the modes' impulse responses."""
 
 from __future__ import annotations
 
@@ -6,22 +6,24 @@ from functools import lru_cache
 
 import numpy as np
 
-from planners.boundary_value.closed_form import refuse_nonlinear, spoilt, trajectory_of
-from planners.boundary_value.linear import LinearProblem, Spectrum, linear_problem
+from planners.boundary_value.closed_form import end_error, refuse_nonlinear, trajectory_of
+from planners.boundary_value.linear import LinearProblem, linear_problem
+from planners.boundary_value.modal_form import ModalForm
 from planners.errors import PlanError
 from planners.problem import Problem
 from planners.trajectories.pieces import ComplexArray, FloatArray
 from planners.trajectories.trajectory import Trajectory
 
-GAUSS_NODES = 20  # of Gauss-Legendre on 0..1: exact to rounding for exp(x s), |x| <= FEW
-FEW = 8.0
-REFINEMENTS = 2  # bring the end from 1e-9 to 1e-12 of the move where the responses are nearly alike
+GAUSS_NODES = 20  # on 0..1: exact to rounding for exp(x s), |x| <= MAX_GAUSS_EXPONENT
+MAX_GAUSS_EXPONENT = 8.0
+REFINEMENTS = 2  # reduce the end error from 1e-9 to 1e-12 of the move for responses nearly alike
 
 
 def plan_convolution(problem: Problem) -> Trajectory:
-    """min 1/2 int u^2 dt between the problem's two states (source 004, 2.1.10 and 2.1.11 with its missing factor exp(A t)).
+    """Minimise 1/2 int u^2 dt between the problem's two states.
 
-    Raises PlanError for state weights, which this solver does not know, and when rounding spoils the end.
+    Source 004, 2.1.10 and 2.1.11 with its missing factor exp(A t). Raises PlanError for state
+    weights, which this planner does not support, and when rounding displaces the end.
     """
     refuse_nonlinear(problem, "convolution")
     if any(problem.state_weights.values()):
@@ -31,54 +33,57 @@ def plan_convolution(problem: Problem) -> Trajectory:
         )
     linear = linear_problem(problem)
     try:
-        shares = coefficients(linear)
+        solution = coefficients(linear)
     except np.linalg.LinAlgError as singular:
-        raise spoilt(problem, "convolution", float("inf")) from singular
-    return trajectory_of(problem, linear, shares, "convolution")
+        raise end_error(problem, "convolution", float("inf")) from singular
+    return trajectory_of(problem, linear, solution, "convolution")
 
 
 def coefficients(linear: LinearProblem) -> ComplexArray:
-    """Shares of the modes' impulse responses in the input of least energy: (n,).
+    """Solve for the coefficients of the modes' impulse responses in the optimal input: (n,).
 
-    Each mode asks for int s^k exp(rate s) u(T - s) ds = what the free motion leaves to do; of all inputs that do it, the
-    one of least energy is a sum of those same functions, with the controllability Gramian in modes as their matrix.
+    Each mode requires int s^k exp(mu s) u(T - s) ds = goal - free motion. Of all inputs that
+    satisfy this, the one of least energy is a sum of those same functions, whose Gram matrix is
+    the modal controllability Gramian.
     """
-    gram, task = gramian(linear.system.spectrum, linear.time_s), _to_do(linear)
+    gram = gramian(linear.system.modal, linear.time_s)
+    required = _required_change(linear)
     scale = 1.0 / np.sqrt(gram.diagonal().real)
     inverse = np.multiply.outer(scale, scale)
     inverse = inverse * np.linalg.inv(gram * inverse)
-    shares = inverse @ task
+    solution = inverse @ required
     for _ in range(REFINEMENTS):
-        shares += inverse @ (task - gram @ shares)
-    return np.asarray(shares)
+        solution += inverse @ (required - gram @ solution)
+    return np.asarray(solution)
 
 
-def gramian(spectrum: Spectrum, time_s: float) -> ComplexArray:
-    """W_ij = int_0^T s^(k_i + k_j) exp((rate_i + conj rate_j) s) ds: (n, n), Hermitian."""
-    pairs = spectrum.pairs
+def gramian(modal: ModalForm, time_s: float) -> ComplexArray:
+    """Compute W_ij = int_0^T s^(k_i + k_j) exp((mu_i + conj mu_j) s) ds: (n, n), Hermitian."""
+    pairs = modal.pairs
     moments = _moments(pairs.eigenvalues_1_s * time_s)  # (m, m, 3)
     return np.asarray(
         moments[pairs.first, pairs.second, pairs.powers] * time_s ** (pairs.powers + 1.0)
     )
 
 
-def _to_do(linear: LinearProblem) -> ComplexArray:
-    """What the input must add to each mode by the end: (n,)."""
-    spectrum, time_s = linear.system.spectrum, linear.time_s
-    start = spectrum.rows @ linear.start
-    start += (time_s * spectrum.powers) * start[spectrum.drivers]  # a driver's own power is 0
-    return np.asarray(
-        spectrum.rows @ linear.goal - np.exp(spectrum.eigenvalues_1_s * time_s) * start
-    )
+def _required_change(linear: LinearProblem) -> ComplexArray:
+    """Compute the change that the input must cause in each mode by the end: (n,)."""
+    modal, time_s = linear.system.modal, linear.time_s
+    start = modal.left_eigenvectors @ linear.start
+    start += (time_s * modal.powers) * start[modal.drivers]  # a driver's own power is 0
+    goal = modal.left_eigenvectors @ linear.goal
+    return np.asarray(goal - np.exp(modal.eigenvalues_1_s * time_s) * start)
 
 
 def _moments(x: ComplexArray) -> ComplexArray:
-    """int_0^1 s^k exp(x s) ds for k = 0, 1, 2 in the last place: by quadrature for small |x|, by parts beyond; Re x <= 0."""
+    """Compute int_0^1 s^k exp(x s) ds for k = 0, 1, 2 to rounding; Re x <= 0.
+
+    By Gauss quadrature for small |x|, by integration by parts beyond.
+    """
     nodes, weights = _gauss_legendre()
-    out = np.asarray(
-        np.exp(np.multiply.outer(x, nodes)) @ weights, dtype=np.complex128
-    )  # (m, m, 3)
-    far = np.abs(x) > FEW
+    exponentials = np.exp(np.multiply.outer(x, nodes))
+    out = np.asarray(exponentials @ weights, dtype=np.complex128)  # (m, m, 3)
+    far = np.abs(x) > MAX_GAUSS_EXPONENT
     if far.any():
         z = x[far]
         e = np.exp(z)
@@ -90,7 +95,7 @@ def _moments(x: ComplexArray) -> ComplexArray:
 
 @lru_cache(maxsize=1)
 def _gauss_legendre() -> tuple[FloatArray, FloatArray]:
-    """Nodes (N,) on 0..1 and weights (N, 3) with the powers of s."""
+    """Compute Gauss nodes (N,) on 0..1 and their weights times s^k: (N, 3)."""
     from numpy.polynomial.legendre import leggauss
 
     x, w = leggauss(GAUSS_NODES)

@@ -1,4 +1,7 @@
-"""Minimum-energy move by single shooting: guess the costate at the start, integrate, correct by where it ends."""
+"""Minimum-energy move by single shooting.
+
+Guess the costate at the start, integrate, correct it by the error at the end.
+"""
 
 from __future__ import annotations
 
@@ -7,139 +10,153 @@ from dataclasses import replace
 
 import numpy as np
 
-from planners.boundary_value.conditions import Conditions, conditions, linear_conditions
+from planners.boundary_value.conditions import (
+    BoundaryValueProblem,
+    boundary_value_problem,
+    linear_boundary_value_problem,
+)
 from planners.boundary_value.linear import linear_problem
-from planners.boundary_value.nodes import Budget, checked_trajectory, graded_grid
+from planners.boundary_value.nodes import WorkBudget, checked_trajectory, graded_grid
 from planners.errors import NotConverged
 from planners.problem import Problem
 from planners.trajectories.pieces import FloatArray
 from planners.trajectories.trajectory import Trajectory
 
-RELATIVE, ABSOLUTE = 1e-11, 1e-13  # of the integration, in sizes
-AIM = 1e-10  # of the end state, in sizes
-MISS = 1e-8  # what the integration's own error may leave of it
-AMPLIFIED = 1e8  # times rounding, 2e-16 of a size, is still a good end
-ROUNDS = 10  # of Newton
-DIVERGED_SCALES = 100.0  # sizes: a shot at the true pendulum that gets there has missed
-SHORTEST_STEP = 0.2  # share of a Newton step: shorter ones only crawl
-MOST_WORK = 6e4  # evaluations of the slope over all shots, 14 us each; the source's tables take 5e3
-TRUE = 4.0  # times dearer is the true pendulum's
-DEAR = 25  # states from which an evaluation costs the cube of their number
+RTOL, ATOL = 1e-11, 1e-13  # of the integration, nondimensional
+END_TOLERANCE = 1e-10  # of the nondimensional end state: Newton's method stops
+MAX_END_ERROR = 1e-8  # of the nondimensional end state: error left by the integration
+MAX_AMPLIFICATION = 1e8  # of rounding, 2e-16 of a scale, that still leaves a good end
+MAX_NEWTON_STEPS = 10
+DIVERGED_SCALES = 100.0  # a shot of the nonlinear pendulum that reaches them has diverged
+MIN_STEP_SHARE = 0.2  # share of a Newton step; progress with shorter ones is too slow
+MAX_WORK = 6e4  # evaluations of z' over all shots, 14 us each; the tables of source 004 take 5e3
+NONLINEAR_COST = 4.0  # cost of an evaluation for the nonlinear pendulum, in linear ones
+CUBIC_COST_STATES = 25  # states from which the cost of an evaluation grows with their cube
 
 
 def plan_shooting(problem: Problem) -> Trajectory:
-    """min 1/2 int (x'Qx + r u^2) dt as source 004, section 2.1, shoots it: Newton on the initial costate.
+    """Minimise 1/2 int (x'Qx + r u^2) dt by Newton's method on the initial costate.
 
-    State, costate and their derivatives by the initial costate run through DOP853; a linear problem is met by the first
-    correction. Rounding grows with the flow, as exp(|Re rate| T), so no single shot hits with a filter or a damper much
-    faster than the move. Raises NotConverged where that exceeds 1e8, as for a jerk model beyond T/lag = 18, or where Newton
-    misses the goal, as for the true pendulum in moves below half its period, or where its work runs out, as for a move of 80
-    periods; PlanError for a nonlinear problem these conditions do not cover.
+    Source 004, section 2.1. State, costate and their derivatives by the initial costate are
+    integrated by DOP853; for a linear problem the first correction is exact. Rounding grows as
+    exp(|Re mu| T), so single shooting fails if a filter or a damper is much faster than the move.
+
+    Raises NotConverged where that growth exceeds 1e8 (jerk model beyond T/lag = 18), where Newton's
+    method does not reach the goal (nonlinear pendulum in less than half its period), or where the
+    work is exceeded (a move of 80 periods). Raises PlanError for a nonlinear problem that is not
+    supported.
     """
-    asked = conditions(problem)
-    _check_growth(asked)
-    t_s, n = graded_grid(asked), len(asked.start)
-    costate, work = np.zeros(n), Budget("shooting", MOST_WORK, _way_out(asked))
-    if not asked.linear:
-        linear = replace(linear_conditions(linear_problem(problem)), way_out=_way_out(asked))
-        costate = _aim(linear, costate, work)
-    costate = _aim(asked, costate, work)
-    begin = np.concatenate([asked.start, costate])
-    z = _integrate(asked, begin / asked.sizes, t_s, work) * asked.sizes[:, None]
-    z[:n, -1] = asked.goal  # MISS is left of it
-    return checked_trajectory(problem, asked, t_s, z, "shooting")
+    bvp = boundary_value_problem(problem)
+    if not bvp.linear:
+        bvp = replace(bvp, hint=f"{bvp.hint}, or try finite_differences")
+    _check_growth(bvp)
+    t_s, n = graded_grid(bvp), len(bvp.start)
+    costate = np.zeros(n)
+    work = WorkBudget("shooting", MAX_WORK, bvp.hint)
+    if not bvp.linear:
+        linear = replace(linear_boundary_value_problem(linear_problem(problem)), hint=bvp.hint)
+        costate = _solve_initial_costate(linear, costate, work)
+    costate = _solve_initial_costate(bvp, costate, work)
+    begin = np.concatenate([bvp.start, costate])
+    z = _integrate(bvp, begin / bvp.scales, t_s, work) * bvp.scales[:, None]
+    z[:n, -1] = bvp.goal  # differs by MAX_END_ERROR at most
+    return checked_trajectory(problem, bvp, t_s, z, "shooting")
 
 
-def _check_growth(asked: Conditions) -> None:
-    exponent = float(np.abs(asked.eigenvalues_1_s.real).max()) * asked.time_s
-    if exponent > math.log(AMPLIFIED):
+def _check_growth(bvp: BoundaryValueProblem) -> None:
+    exponent = float(np.abs(bvp.eigenvalues_1_s.real).max()) * bvp.time_s
+    if exponent > math.log(MAX_AMPLIFICATION):
         raise NotConverged(
-            f"shooting amplifies rounding exp({exponent:.4g}) times in time_s = {asked.time_s}; must be <= {AMPLIFIED:g}, or "
-            f"no initial costate hits the goal: {_way_out(asked)}"
+            f"shooting amplifies rounding exp({exponent:.4g}) times in time_s = {bvp.time_s}; must "
+            f"be <= {MAX_AMPLIFICATION:g}, or no initial costate reaches the goal: {bvp.hint}"
         )
 
 
-def _aim(asked: Conditions, costate: FloatArray, work: Budget) -> FloatArray:
-    """The initial costate (n,) that ends in the goal, by Newton with halved steps from a guess."""
-    n, size = len(asked.start), asked.sizes
-    begin = np.concatenate([asked.start, costate]) / size
-    miss, slope = _shot(asked, begin, work)
-    for _ in range(ROUNDS):
-        if np.abs(miss).max() <= AIM or not np.isfinite(miss).all():
+def _solve_initial_costate(
+    bvp: BoundaryValueProblem, costate: FloatArray, work: WorkBudget
+) -> FloatArray:
+    """Solve for the initial costate (n,) that ends in the goal: Newton's method, step halving."""
+    n, scales = len(bvp.start), bvp.scales
+    begin = np.concatenate([bvp.start, costate]) / scales
+    error, jacobian = _shoot(bvp, begin, work)
+    for _ in range(MAX_NEWTON_STEPS):
+        if np.abs(error).max() <= END_TOLERANCE or not np.isfinite(error).all():
             break
         try:
-            step, share = np.concatenate([np.zeros(n), np.linalg.solve(slope, -miss)]), 1.0
+            step = np.concatenate([np.zeros(n), np.linalg.solve(jacobian, -error)])
         except np.linalg.LinAlgError:
             break
-        there, slope = _shot(asked, begin + step, work)
+        share = 1.0
+        new_error, jacobian = _shoot(bvp, begin + step, work)
         while (
-            not np.linalg.norm(there) <= (1.0 - share / 4.0) * np.linalg.norm(miss)
-            and share > SHORTEST_STEP
+            not np.linalg.norm(new_error) <= (1.0 - share / 4.0) * np.linalg.norm(error)
+            and share > MIN_STEP_SHARE
         ):
             share /= 2.0
-            there, slope = _shot(asked, begin + share * step, work)
-        if share <= SHORTEST_STEP:
+            new_error, jacobian = _shoot(bvp, begin + share * step, work)
+        if share <= MIN_STEP_SHARE:
             break
-        begin, miss = begin + share * step, there
-    if np.abs(miss).max() <= MISS:
-        return begin[n:] * size[n:]
+        begin = begin + share * step
+        error = new_error
+    if np.abs(error).max() <= MAX_END_ERROR:
+        return begin[n:] * scales[n:]
     raise NotConverged(
-        f"shooting still misses the goal by {np.abs(miss).max():.3g} of its size in time_s = {asked.time_s}; must be <= "
-        f"{MISS:g}: {_way_out(asked)}"
+        f"shooting misses the goal by {np.abs(error).max():.3g} of its scale in "
+        f"time_s = {bvp.time_s}; must be <= {MAX_END_ERROR:g}: {bvp.hint}"
     )
 
 
-def _way_out(asked: Conditions) -> str:
-    return asked.way_out if asked.linear else f"{asked.way_out}, or try finite_differences"
+def _shoot(
+    bvp: BoundaryValueProblem, begin: FloatArray, work: WorkBudget
+) -> tuple[FloatArray, FloatArray]:
+    """Integrate from begin (2n,) to the end, nondimensional.
 
-
-def _shot(asked: Conditions, begin: FloatArray, work: Budget) -> tuple[FloatArray, FloatArray]:
-    """By how much the shot from begin (2n,) misses the goal, (n,), and its slope by the initial costate, (n, n); in sizes."""
+    Returns the error against the goal (n,) and its derivative by the initial costate (n, n).
+    """
     from scipy.integrate import solve_ivp
 
-    n, size = len(asked.start), asked.sizes
-    ratio = size / size[:, None]
-    cost = 1.0 + (n / DEAR) ** 3 if asked.linear else TRUE
+    n, scales = len(bvp.start), bvp.scales
+    ratio = scales / scales[:, None]
+    cost = 1.0 + (n / CUBIC_COST_STATES) ** 3 if bvp.linear else NONLINEAR_COST
 
-    def slope(_: float, flat: FloatArray) -> FloatArray:
+    def rhs(_: float, flat: FloatArray) -> FloatArray:
         work.spend(cost)
-        columns = flat.reshape(2 * n, n + 1)
-        z = columns[:, :1] * size[:, None]
-        return np.hstack(
-            [asked.slope(z) / size[:, None], (asked.jacobian(z)[:, :, 0] * ratio) @ columns[:, 1:]]
-        ).ravel()
+        columns = flat.reshape(2 * n, n + 1)  # z and its derivatives by the costate
+        z = columns[:, :1] * scales[:, None]
+        derivatives = (bvp.jacobian(z)[:, :, 0] * ratio) @ columns[:, 1:]
+        return np.hstack([bvp.rhs(z) / scales[:, None], derivatives]).ravel()
 
-    def lost(_: float, flat: FloatArray) -> float:
+    def distance_to_divergence(_: float, flat: FloatArray) -> float:
         return DIVERGED_SCALES - float(np.abs(flat[: n * (n + 1) : n + 1]).max())
 
-    lost.terminal = True  # type: ignore[attr-defined]
+    distance_to_divergence.terminal = True  # type: ignore[attr-defined]
     first = np.column_stack([begin, np.eye(2 * n)[:, n:]]).ravel()
     done = solve_ivp(
-        slope,
-        (0.0, asked.time_s),
+        rhs,
+        (0.0, bvp.time_s),
         first,
         "DOP853",
-        rtol=RELATIVE,
-        atol=ABSOLUTE,
-        events=None if asked.linear else lost,
+        rtol=RTOL,
+        atol=ATOL,
+        events=None if bvp.linear else distance_to_divergence,
     )
     if done.status != 0:
         return np.full(n, np.inf), np.eye(n)
     last = done.y[:, -1].reshape(2 * n, n + 1)[:n]
-    return last[:, 0] - asked.goal / size[:n], last[:, 1:]
+    return last[:, 0] - bvp.goal / scales[:n], last[:, 1:]
 
 
-def _integrate(asked: Conditions, begin: FloatArray, t_s: FloatArray, work: Budget) -> FloatArray:
-    """State and costate along the way: (2n, N+1), in sizes."""
+def _integrate(
+    bvp: BoundaryValueProblem, begin: FloatArray, t_s: FloatArray, work: WorkBudget
+) -> FloatArray:
+    """Integrate state and costate at the instants t_s: (2n, N+1), nondimensional."""
     from scipy.integrate import solve_ivp
 
-    size = asked.sizes
+    scales = bvp.scales
 
-    def slope(_: float, z: FloatArray) -> FloatArray:
-        work.spend(1.0 if asked.linear else TRUE)
-        return asked.slope((z * size)[:, None])[:, 0] / size
+    def rhs(_: float, z: FloatArray) -> FloatArray:
+        work.spend(1.0 if bvp.linear else NONLINEAR_COST)
+        return bvp.rhs((z * scales)[:, None])[:, 0] / scales
 
-    span = (0.0, asked.time_s)
-    return np.asarray(
-        solve_ivp(slope, span, begin, "DOP853", t_eval=t_s, rtol=RELATIVE, atol=ABSOLUTE).y
-    )
+    span = (0.0, bvp.time_s)
+    return np.asarray(solve_ivp(rhs, span, begin, "DOP853", t_eval=t_s, rtol=RTOL, atol=ATOL).y)

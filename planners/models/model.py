@@ -1,4 +1,4 @@
-"""A load of n links hanging under a platform: the equations every planner and every replay works with."""
+"""Load of n links under a platform: equations of motion, modes and state space."""
 
 from __future__ import annotations
 
@@ -17,31 +17,32 @@ from planners.trajectories.pieces import ComplexArray, FloatArray
 Cart: TypeAlias = Literal["driven", "free"]
 
 INPUTS = ("acceleration", "force", "jerk")
-LENGTHS_M, MASSES_KG, GRAVITIES_M_S2 = (
-    (1e-3, 1e4),
-    (1e-6, 1e9),
-    (1e-3, 1e3),
-)  # what a laboratory may hold
-JOINTS = 1e9  # N m/rad, N m s/rad: stiffer is a weld
+LENGTHS_M = (1e-3, 1e4)  # bounds of a load in a laboratory
+MASSES_KG = (1e-6, 1e9)
+GRAVITIES_M_S2 = (1e-3, 1e3)
+MAX_JOINT = 1e9  # stiffness [N m/rad] or damping [N m s/rad] of a joint; above it is rigid
 LAGS_S = (1e-6, 1e3)
-LAG_S = 1.0 / (
-    2.0 * math.pi * 10.0
-)  # of the jerk model's filter: 10 Hz, the value behind source 004's tables
+# Time constant of the jerk model's filter: 10 Hz, the value behind the tables of source 004.
+LAG_S = 1.0 / (2.0 * math.pi * 10.0)
 
 
-def cart_of(input: str) -> Cart:
-    """How the platform is held while that input acts: a force leaves it free."""
+def cart_for_input(input: str) -> Cart:
+    """Select how the platform is held while that input acts: a force leaves it free to roll."""
     return "free" if input == "force" else "driven"
 
 
 class Equations(NamedTuple):
-    """Motion of n links, absolute angles th (0 = hanging, positive = ahead in +X), platform acceleration a:
+    """Coefficients of the equations of motion of n links.
 
-    sum_j mass_ij (cos(th_i - th_j) th_j'' + sin(th_i - th_j) th_j'^2) + (damping th')_i + (springs th)_i
-    + gravity coupling_i sin(th_i) = -coupling_i cos(th_i) a
+    Absolute angles th (0 = hanging, positive = ahead in +X), platform acceleration a:
 
-    and of a platform pushed by a force F: (cart_mass + load_mass) y'' + d/dt sum_i coupling_i cos(th_i) th_i' = F.
-    Lagrange's equations; source 004, (3.1.1) to (3.1.9) for one link and (4.1.1) to (4.1.8) for two.
+    sum_j mass_ij (cos(th_i - th_j) th_j'' + sin(th_i - th_j) th_j'^2) + (damping th')_i
+    + (springs th)_i + gravity coupling_i sin(th_i) = -coupling_i cos(th_i) a
+
+    A force F on the platform obeys
+    (cart_mass + load_mass) y'' + d/dt sum_i coupling_i cos(th_i) th_i' = F.
+    Lagrange's equations; source 004, (3.1.1) to (3.1.9) for one link and (4.1.1) to (4.1.8) for
+    two.
     """
 
     mass_kg_m2: FloatArray  # (n, n)
@@ -54,16 +55,18 @@ class Equations(NamedTuple):
 
     @property
     def stiffness_n_m_rad(self) -> FloatArray:
-        """Springs and gravity for small angles: (n, n)."""
+        """Stiffness of springs and gravity for small angles: (n, n)."""
         return self.springs_n_m_rad + np.diag(self.gravity_m_s2 * self.coupling_kg_m)
 
     def swing(self, cart: Cart = "driven") -> tuple[FloatArray, FloatArray]:
-        """Small swings x' = a x + b s of x = [th, th']: (2n, 2n) and (2n,).
+        """Linearise about the hanging position: x' = a x + b s of x = [th, th'].
 
-        s is the acceleration of the platform ("driven"), or of the common centre of mass of platform and load
-        ("free"): a force on the platform does not feel the swing when that point is looked at.
+        a (2n, 2n), b (2n,). s is the acceleration of the platform ("driven"), or of the common
+        centre of mass of platform and load ("free"), which the swing does not affect when a force
+        acts on the platform.
         """
-        n, c = len(self.coupling_kg_m), self.coupling_kg_m
+        c = self.coupling_kg_m
+        n = len(c)
         mass = self.mass_kg_m2
         if cart == "free":
             mass = mass - np.outer(c, c) / (self.cart_mass_kg + self.load_mass_kg)
@@ -77,7 +80,7 @@ class Equations(NamedTuple):
 
 
 class StateSpace(NamedTuple):
-    """x' = a x + b u with named states; units stand in the names."""
+    """State space x' = a x + b u with named states; the names contain the units."""
 
     states: tuple[str, ...]  # n
     input: str
@@ -86,76 +89,80 @@ class StateSpace(NamedTuple):
 
 
 class Modes(NamedTuple):
-    """Small swings taken apart: q = filters [th, th'] obeys q' = rates q + s, and [th, th'] = shapes q.
+    """Modes of small swings, normalised to unit input.
 
-    Oscillating modes come first, as conjugate pairs, slowest first; s is the acceleration that drives them.
+    q = left_eigenvectors [th, th'] obeys q' = eigenvalues q + s, and [th, th'] = mode_shapes q.
+    s is the acceleration that drives the modes. Oscillatory modes come first, as conjugate pairs,
+    slowest first.
     """
 
-    eigenvalues_1_s: ComplexArray  # (2n,) eigenvalues
-    left_eigenvectors: ComplexArray  # (2n, 2n)
-    mode_shapes: ComplexArray  # (2n, 2n)
-    gains: FloatArray  # (2n,) how well s reaches each mode: cosine of the angle to its left eigenvector
+    eigenvalues_1_s: ComplexArray  # (2n,)
+    left_eigenvectors: ComplexArray  # (2n, 2n), one a row
+    mode_shapes: ComplexArray  # (2n, 2n), one a column
+    gains: FloatArray  # (2n,) |cosine| of the angle between b and the left eigenvector, 0 to 1
 
     @property
     def upper(self) -> NDArray[np.intp]:
-        """One index for each oscillating mode: (m,), the eigenvalue in the upper half plane."""
+        """Indices of the oscillatory modes: (m,), the eigenvalues in the upper half plane."""
         return np.flatnonzero(self.eigenvalues_1_s.imag > 0.0)
 
     @property
     def natural_frequencies_hz(self) -> FloatArray:
-        """Undamped frequencies of the oscillating modes: (m,)."""
+        """Undamped natural frequencies of the oscillatory modes: (m,)."""
         return np.asarray(np.abs(self.eigenvalues_1_s[self.upper]) / (2.0 * math.pi))
 
     @property
     def damping_ratios(self) -> FloatArray:
-        """Of the oscillating modes: (m,)."""
+        """Damping ratios of the oscillatory modes: (m,)."""
         rates = self.eigenvalues_1_s[self.upper]
         return np.asarray(0.0 - rates.real / np.abs(rates))
 
 
 class Model(ABC):
-    """What a planner believes about the load; immutable and hashable."""
+    """Planner's model of the load; immutable and hashable."""
 
     @property
     @abstractmethod
     def equations(self) -> Equations:
-        """The motion of the links."""
+        """Coefficients of the equations of motion of the links."""
 
     @property
     @abstractmethod
     def parameters(self) -> Mapping[str, float]:
-        """Every parameter that may be wrong, by name, in SI units."""
+        """Values of all parameters that may be in error, by name, in SI units."""
 
     @abstractmethod
     def with_parameter(self, name: str, value: float) -> Self:
-        """The same load with another value. Raises PlanError for a name that is not in `parameters`."""
+        """Copy the model with another value; PlanError for a name not in `parameters`."""
 
     @property
     @abstractmethod
     def links_count(self) -> int:
-        """How many links hang on each other."""
+        """Number of links."""
 
     def modes(self, cart: Cart = "driven") -> Modes:
-        """Small swings under a platform that is driven (held), or free to roll (source 004 prints the latter)."""
+        """Compute the modes under a driven platform, or a free one (printed in source 004)."""
         return _modes(self, cart, True)
 
     @property
-    def swing_rates_1_s(self) -> tuple[complex, ...]:
+    def oscillatory_eigenvalues_1_s(self) -> tuple[complex, ...]:
         """Eigenvalues -zeta w + j w sqrt(1 - zeta^2) under a driven platform, slowest first."""
         modes = self.modes()
         return tuple(modes.eigenvalues_1_s[modes.upper].tolist())
 
     @property
     def natural_frequency_rad_s(self) -> float:
-        """Undamped, of the slowest mode under a driven platform."""
+        """Undamped natural frequency of the slowest mode under a driven platform."""
         return float(np.abs(self.modes().eigenvalues_1_s).min())
 
     def amplitude_rad(self, angles_rad: FloatArray, rates_rad_s: FloatArray) -> float:
-        """Largest angle of any link that free small swings from here can reach, were they not damped: angles and rates (n,).
+        """Bound the largest angle of any link in undamped free swing from this state.
 
-        For one link sqrt(theta^2 + (theta'/w)^2); for several the sum over modes, which they meet when in phase.
+        angles and rates (n,), small swings. One link: sqrt(theta^2 + (theta'/w)^2). Several links:
+        the sum over the modes, which is reached when they come into phase.
         """
-        modes, n = _modes(self, "driven", False), self.links_count
+        n = self.links_count
+        modes = _modes(self, "driven", False)
         q = modes.left_eigenvectors @ np.concatenate(
             [np.atleast_1d(angles_rad), np.atleast_1d(rates_rad_s)]
         )
@@ -168,10 +175,12 @@ class Model(ABC):
         lag_s: float = LAG_S,
         angles: Literal["absolute", "relative"] = "absolute",
     ) -> StateSpace:
-        """Platform and small swings (source 004, 3.1.9 to 3.1.11 and 4.1.8): position, speed, angles, rates, and for the
-        jerk model the acceleration, which follows the input with the time constant lag_s.
+        """Assemble the state space of platform and small swings.
 
-        Relative angles are those of each link to the one above. Raises PlanError for an unknown input.
+        States: position, speed, angles, rates, and for the jerk model the acceleration, which
+        follows the input with the time constant lag_s (source 004, 3.1.9 to 3.1.11 and 4.1.8).
+        Relative angles are those of each link to the one above. Raises PlanError for an unknown
+        input.
         """
         if input not in INPUTS:
             raise unknown_name("input", input, INPUTS)
@@ -184,89 +193,91 @@ class Model(ABC):
 def _modes(model: Model, cart: Cart, damped: bool) -> Modes:
     a, b = model.equations.swing(cart)
     if not (damped and np.any(model.equations.damping_n_m_s_rad)):
-        rates, shapes = _undamped(a)
+        eigenvalues, shapes = _undamped_eigen(a)
     else:
-        rates, shapes = (part.astype(np.complex128) for part in np.linalg.eig(a))
-    order = _paired(rates)
-    rates, shapes = rates[order], shapes[:, order]
-    rates = (
-        np.minimum(rates.real, 0.0) + 1j * rates.imag
-    )  # what hangs does not grow; rounding may say so
+        eigenvalues, shapes = (part.astype(np.complex128) for part in np.linalg.eig(a))
+    order = _conjugate_order(eigenvalues)
+    eigenvalues, shapes = eigenvalues[order], shapes[:, order]
+    # Clip positive real parts caused by rounding: a hanging load is stable.
+    eigenvalues = np.minimum(eigenvalues.real, 0.0) + 1j * eigenvalues.imag
     try:
-        filters = np.linalg.inv(shapes)
+        left_eigenvectors = np.linalg.inv(shapes)
     except np.linalg.LinAlgError:
         raise PlanError(
-            f"two modes of {model} are one to rounding; must differ: change a length, a mass or a damping"
+            f"two modes of {model} coincide within rounding; must differ: "
+            "change a length, a mass or a damping"
         ) from None
-    reach = filters @ b
-    gains = np.abs(reach) / (np.linalg.norm(filters, axis=1) * np.linalg.norm(b))
-    safe = np.where(gains > 0.0, reach, 1.0)
-    return Modes(rates, filters / safe[:, None], shapes * safe, gains)
+    inputs = left_eigenvectors @ b
+    gains = np.abs(inputs) / (np.linalg.norm(left_eigenvectors, axis=1) * np.linalg.norm(b))
+    divisors = np.where(gains > 0.0, inputs, 1.0)
+    return Modes(eigenvalues, left_eigenvectors / divisors[:, None], shapes * divisors, gains)
 
 
-def _paired(rates: ComplexArray) -> NDArray[np.intp]:
-    """Conjugates side by side as they come, slowest first; then what does not oscillate."""
-    upper = np.flatnonzero(rates.imag > 0.0)
-    upper = upper[np.argsort(np.abs(rates[upper]), kind="stable")]
-    alone = np.flatnonzero(rates.imag == 0.0)
-    return np.concatenate(
-        [np.column_stack([upper, upper + 1]).ravel(), alone[np.argsort(np.abs(rates[alone]))]]
-    )
+def _conjugate_order(eigenvalues: ComplexArray) -> NDArray[np.intp]:
+    """Order conjugate pairs side by side, slowest first, then the real eigenvalues."""
+    upper = np.flatnonzero(eigenvalues.imag > 0.0)
+    upper = upper[np.argsort(np.abs(eigenvalues[upper]), kind="stable")]
+    pairs = np.column_stack([upper, upper + 1]).ravel()
+    real = np.flatnonzero(eigenvalues.imag == 0.0)
+    return np.concatenate([pairs, real[np.argsort(np.abs(eigenvalues[real]))]])
 
 
-def _undamped(a: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-    """Eigenvalues +-jw without any real part, conjugates side by side."""
+def _undamped_eigen(a: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+    """Compute eigenvalues +-jw without any real part, conjugates side by side, and mode shapes."""
     n = len(a) // 2
     squares, vectors = np.linalg.eig(a[n:, :n])
-    rates = 1j * np.repeat(np.sqrt(-squares.real), 2)
-    rates[1::2] *= -1.0
-    both = np.repeat(vectors.real, 2, axis=1)
-    return rates, np.vstack([both, both * rates])
+    eigenvalues = 1j * np.repeat(np.sqrt(-squares.real), 2)
+    eigenvalues[1::2] *= -1.0
+    angles = np.repeat(vectors.real, 2, axis=1)
+    return eigenvalues, np.vstack([angles, angles * eigenvalues])
 
 
 @lru_cache(maxsize=256)
 def _state_space(model: Model, input: str, lag_s: float) -> StateSpace:
-    n, equations = model.links_count, model.equations
+    n = model.links_count
+    equations = model.equations
     size = 2 + 2 * n + (input == "jerk")
     swing = slice(2, 2 + 2 * n)
     a, b = np.zeros((size, size)), np.zeros((size, 1))
     a[0, 1] = 1.0
-    a[swing, swing], push = equations.swing(cart_of(input))
+    a[swing, swing], swing_b = equations.swing(cart_for_input(input))
     if input == "force":
-        whole = equations.cart_mass_kg + equations.load_mass_kg
-        b[swing, 0] = push / whole
-        b[1, 0] = 1.0 / whole
-        rates = slice(2 + n, 2 + 2 * n)  # y'' = (F - coupling th'') / whole
-        a[1] = -equations.coupling_kg_m @ a[rates] / whole
-        b[1] -= equations.coupling_kg_m @ b[rates] / whole
+        total_kg = equations.cart_mass_kg + equations.load_mass_kg
+        b[swing, 0] = swing_b / total_kg
+        b[1, 0] = 1.0 / total_kg
+        rates = slice(2 + n, 2 + 2 * n)  # y'' = (F - coupling th'') / total mass
+        a[1] = -equations.coupling_kg_m @ a[rates] / total_kg
+        b[1] -= equations.coupling_kg_m @ b[rates] / total_kg
     elif input == "acceleration":
-        b[1, 0], b[swing, 0] = 1.0, push
+        b[1, 0] = 1.0
+        b[swing, 0] = swing_b
     else:
-        a[1, -1], a[swing, -1] = 1.0, push
-        a[-1, -1], b[-1, 0] = -1.0 / lag_s, 1.0 / lag_s
-    return StateSpace(
-        _state_names(n, input), "force_n" if input == "force" else "acceleration_m_s2", a, b
-    )
+        a[1, -1] = 1.0
+        a[swing, -1] = swing_b
+        a[-1, -1] = -1.0 / lag_s
+        b[-1, 0] = 1.0 / lag_s
+    input_name = "force_n" if input == "force" else "acceleration_m_s2"
+    return StateSpace(_state_names(n, input), input_name, a, b)
 
 
 def _state_names(n: int, input: str) -> tuple[str, ...]:
-    marks = [""] if n == 1 else [f"_{i + 1}" for i in range(n)]
-    angles = [
-        *(f"angle{mark}_rad" for mark in marks),
-        *(f"angular_velocity{mark}_rad_s" for mark in marks),
-    ]
-    return ("position_m", "speed_m_s", *angles, *(["acceleration_m_s2"] if input == "jerk" else []))
+    numbers = [""] if n == 1 else [f"_{i + 1}" for i in range(n)]
+    names = ["position_m", "speed_m_s"]
+    names += [f"angle{number}_rad" for number in numbers]
+    names += [f"angular_velocity{number}_rad_s" for number in numbers]
+    if input == "jerk":
+        names.append("acceleration_m_s2")
+    return tuple(names)
 
 
 def _relative(space: StateSpace, n: int) -> StateSpace:
     to_absolute = np.eye(len(space.states))
     for first in (2, 2 + n):
         to_absolute[first : first + n, first : first + n] = np.tril(np.ones((n, n)))
-    later = {
-        name for k, name in enumerate(space.states) if 3 <= k < 2 + n or 3 + n <= k < 2 + 2 * n
-    }
-    names = tuple(f"relative_{name}" if name in later else name for name in space.states)
+    names = list(space.states)
+    for k in (*range(3, 2 + n), *range(3 + n, 2 + 2 * n)):  # the first link has no link above
+        names[k] = f"relative_{names[k]}"
     to_relative = np.asarray(np.linalg.inv(to_absolute), dtype=np.float64)
     return StateSpace(
-        names, space.input, to_relative @ space.a @ to_absolute, to_relative @ space.b
+        tuple(names), space.input, to_relative @ space.a @ to_absolute, to_relative @ space.b
     )

@@ -1,4 +1,4 @@
-"""A point mass on a cable under a platform."""
+"""Point mass on a cable under a platform."""
 
 from __future__ import annotations
 
@@ -25,8 +25,9 @@ FIELDS = {
 class PendulumModel(Model):
     """Cable of length_m with viscous damping; angle 0 = hanging, positive = load ahead in +X.
 
-    The masses matter when a force moves the platform; theirs are the source's (004, section 3.1).
-    Raises PlanError unless length, masses and gravity are a laboratory's and 0 <= damping_ratio < 1.
+    The masses matter when a force moves the platform; their defaults are those of source 004,
+    section 3.1. Raises PlanError unless length, masses and gravity are within the bounds of a
+    laboratory and 0 <= damping_ratio < 1.
     """
 
     length_m: float
@@ -39,7 +40,8 @@ class PendulumModel(Model):
         check_range("length_m", self.length_m, *LENGTHS_M, "measure pivot to load")
         if not 0.0 <= self.damping_ratio < 1.0:
             raise PlanError(
-                f"damping_ratio = {self.damping_ratio}; must be >= 0 and < 1: use 0 where it was not measured"
+                f"damping_ratio = {self.damping_ratio}; must be >= 0 and < 1: "
+                "use 0 where it was not measured"
             )
         check_range("gravity_m_s2", self.gravity_m_s2, *GRAVITIES_M_S2, "use 9.81")
         check_range("mass_kg", self.mass_kg, *MASSES_KG, "weigh it")
@@ -47,7 +49,10 @@ class PendulumModel(Model):
 
     @property
     def equations(self) -> Equations:
-        """theta'' = -(g/l) sin theta - 2 zeta w theta' - (a/l) cos theta (source 004, 3.1.9 and 3.1.10)."""
+        """Coefficients of theta'' = -(g/l) sin theta - 2 zeta w theta' - (a/l) cos theta.
+
+        Source 004, 3.1.9 and 3.1.10.
+        """
         moment = self.mass_kg * self.length_m
         inertia = moment * self.length_m
         friction = 2.0 * self.damping_ratio * inertia * math.sqrt(self.gravity_m_s2 / self.length_m)
@@ -63,16 +68,16 @@ class PendulumModel(Model):
 
     @property
     def parameters(self) -> Mapping[str, float]:
-        """length, gravity, damping_ratio, mass, cart_mass."""
+        """Values of length, gravity, damping_ratio, mass and cart_mass."""
         return {name: getattr(self, attribute) for name, attribute in FIELDS.items()}
 
     def with_parameter(self, name: str, value: float) -> Self:
-        """The same load with another value of one of `parameters`."""
+        """Copy the model with another value of one of `parameters`; PlanError for other names."""
         if name not in FIELDS:
             raise unknown_name("parameter", name, FIELDS)
         return replace(self, **{FIELDS[name]: value})
 
     @property
     def links_count(self) -> int:
-        """One."""
+        """Number of links: 1."""
         return 1

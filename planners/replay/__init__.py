@@ -1,11 +1,13 @@
-"""The plan played on the nonlinear load: what it does when small angles are not assumed.
+"""Replay: nonlinear simulation of a plan on the planner's model of the load.
 
-With the momenta p_i = sum_j mass_ij cos(th_i - th_j) th_j' + coupling_i cos(th_i) v the platform's speed v is the only
-input (Hamilton's equations of planners.models.model.Equations):
+With the momenta p_i = sum_j mass_ij cos(th_i - th_j) th_j' + coupling_i cos(th_i) v the platform's
+speed v is the only input (Hamilton's equations of planners.models.model.Equations):
 
-p_i' = -th_i' sum_j mass_ij sin(th_i - th_j) th_j' - coupling_i sin(th_i) (v th_i' + gravity) - (springs th + damping th')_i
+p_i' = -th_i' sum_j mass_ij sin(th_i - th_j) th_j' - coupling_i sin(th_i) (v th_i' + gravity)
+       - (springs th + damping th')_i
 
-A step in acceleration is then a mere kink, and a step in speed is exact, for p does not feel it.
+A step in acceleration is then a step in the second derivative only, and a step in speed is exact,
+because p is continuous across it. Imports models, trajectories and planners/problem.py.
 """
 
 from __future__ import annotations
@@ -31,22 +33,24 @@ def replay(
     speed_before_m_s: float = 0.0,
     speed_after_m_s: float = 0.0,
 ) -> Swing:
-    """Swing of the load from the start to the end of the trajectory; the load starts at angles and rates (n,), or at rest.
+    """Simulate the swing of the load from the start to the end of the trajectory.
 
-    speed_before_m_s and speed_after_m_s are the platform's outside the move: where the trajectory's own differ, the
-    load feels the step. One link goes by Runge-Kutta of order 4 in plain floats, several by Gauss collocation of order
-    24 (Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, 1993, II.7), both between the joints.
-    Raises PlanError for a start that is not n finite numbers, or a load that spins too fast to be followed.
+    The load starts at angles and rates (n,), or at rest. speed_before_m_s and speed_after_m_s are
+    the platform's outside the move: a difference from the trajectory's own acts as a step in
+    speed. One link is integrated by Runge-Kutta of order 4 in plain floats, several by Gauss
+    collocation of order 24 (Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I,
+    1993, II.7), both from one joint of the trajectory to the next.
+    Raises PlanError for a start that is not n finite numbers, or a load that rotates too fast for
+    the integration.
     """
     equations = model.equations
-    angles, rates = (
-        _start("angles_rad", angles_rad, model),
-        _start("rates_rad_s", rates_rad_s, model),
-    )
+    angles = _start_values("angles_rad", angles_rad, model)
+    rates = _start_values("rates_rad_s", rates_rad_s, model)
     momenta = _momenta(equations, angles, rates, speed_before_m_s)
     play = play_one_link if model.links_count == 1 else play_several_links
-    stretches = list(play(equations, trajectory, angles, momenta))
-    t, angle, momentum, speed = (np.concatenate(parts) for parts in zip(*stretches, strict=True))
+    segments = list(play(equations, trajectory, angles, momenta))
+    t, angle, momentum, speed = (np.concatenate(parts) for parts in zip(*segments, strict=True))
+    # The end stands twice: before and after the step to speed_after_m_s.
     t, speed = np.append(t, t[-1]), np.append(speed, speed_after_m_s)
     angle, momentum = np.vstack([angle, angle[-1]]), np.vstack([momentum, momentum[-1]])
     return Swing(
@@ -54,12 +58,13 @@ def replay(
     )
 
 
-def _start(name: str, values: ArrayLike | None, model: Model) -> FloatArray:
+def _start_values(name: str, values: ArrayLike | None, model: Model) -> FloatArray:
     n = model.links_count
     out = np.zeros(n) if values is None else np.atleast_1d(np.asarray(values, dtype=np.float64))
     if out.shape != (n,) or not np.isfinite(out).all():
         raise PlanError(
-            f"{name} = {out.tolist()}; must be {n} finite numbers, one for each link: leave it out for rest"
+            f"{name} = {out.tolist()}; must be {n} finite numbers, one for each link: "
+            "leave it out for rest"
         )
     return out
 
@@ -67,18 +72,15 @@ def _start(name: str, values: ArrayLike | None, model: Model) -> FloatArray:
 def _momenta(
     equations: Equations, angles: FloatArray, rates: FloatArray, speed: float
 ) -> FloatArray:
-    turned = equations.mass_kg_m2 * np.cos(angles[:, None] - angles)
-    return np.asarray(turned @ rates + equations.coupling_kg_m * np.cos(angles) * speed)
+    mass = equations.mass_kg_m2 * np.cos(angles[:, None] - angles)
+    return np.asarray(mass @ rates + equations.coupling_kg_m * np.cos(angles) * speed)
 
 
 def _angular_velocities(
     equations: Equations, angles: FloatArray, momenta: FloatArray, speeds: FloatArray
 ) -> FloatArray:
-    """From angles and momenta (N, n) and speeds (N,): (N, n)."""
+    """Compute angular velocities from angles and momenta (N, n) and speeds (N,): (N, n)."""
     c, s = np.cos(angles), np.sin(angles)
-    turned = equations.mass_kg_m2 * (c[:, :, None] * c[:, None, :] + s[:, :, None] * s[:, None, :])
-    return np.asarray(
-        np.linalg.solve(
-            turned, (momenta - equations.coupling_kg_m * c * speeds[:, None])[:, :, None]
-        )[:, :, 0]
-    )
+    mass = equations.mass_kg_m2 * (c[:, :, None] * c[:, None, :] + s[:, :, None] * s[:, None, :])
+    load_momenta = momenta - equations.coupling_kg_m * c * speeds[:, None]
+    return np.asarray(np.linalg.solve(mass, load_momenta[:, :, None])[:, :, 0])

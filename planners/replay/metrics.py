@@ -1,4 +1,4 @@
-"""What a planned move amounts to: swing on the linear and the nonlinear model, speed, acceleration, travel."""
+"""Metrics of a planned move: linear and nonlinear swing, speed, acceleration, travel."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from planners.trajectories.trajectory import Trajectory
 
 
 def measure(problem: Problem, trajectory: Trajectory) -> Metrics:
-    """The metrics of a trajectory offered for a problem; residuals count from the goal state's swing."""
+    """Compute the metrics of a trajectory; residuals count from the swing of the goal state."""
     model, n = problem.model, problem.model.links_count
     (_, v0), angles0, rates0 = np.split(problem.start()[: 2 + 2 * n], [2, 2 + n])
     (_, v1), angles1, rates1 = np.split(problem.goal()[: 2 + 2 * n], [2, 2 + n])
@@ -46,20 +46,20 @@ def swing_after(
     speed_before_m_s: float = 0.0,
     speed_after_m_s: float = 0.0,
 ) -> tuple[FloatArray, FloatArray]:
-    """Angles [rad] and their rates [rad/s], (n,) each, on the linear model at the end of the trajectory, to rounding.
+    """Compute the swing at the end of the trajectory on the linear model, exact to rounding.
 
-    Each mode obeys q' = mu q + a; the acceleration is taken in parts, int a exp(-mu t) = [v exp(-mu t)] + mu int v exp(-mu t),
+    Returns angles [rad] and their rates [rad/s], (n,) each. Each mode obeys q' = mu q + a; the
+    acceleration is integrated by parts, int a exp(-mu t) = [v exp(-mu t)] + mu int v exp(-mu t),
     so that steps in speed count too.
     """
-    modes, n, end = model.modes(), model.links_count, trajectory.duration_s
+    modes, n = model.modes(), model.links_count
+    end_s = trajectory.duration_s
     start = np.concatenate([np.broadcast_to(angles_rad, n), np.broadcast_to(rates_rad_s, n)])
-    mu, speed = modes.eigenvalues_1_s, np.zeros_like(modes.eigenvalues_1_s)
-    for stop, piece in zip(trajectory.breaks_s[1:].tolist(), trajectory.pieces, strict=True):
-        speed += np.exp(mu * (end - stop)) * exponential_integral(piece, 1, mu)
-    q = (
-        np.exp(mu * end) * (modes.left_eigenvectors @ start - speed_before_m_s)
-        + speed_after_m_s
-        + mu * speed
-    )
+    mu = modes.eigenvalues_1_s
+    speed_integral = np.zeros_like(mu)  # int v exp(mu (end - t)) dt
+    for stop_s, piece in zip(trajectory.breaks_s[1:].tolist(), trajectory.pieces, strict=True):
+        speed_integral += np.exp(mu * (end_s - stop_s)) * exponential_integral(piece, 1, mu)
+    free = np.exp(mu * end_s) * (modes.left_eigenvectors @ start - speed_before_m_s)
+    q = free + speed_after_m_s + mu * speed_integral
     swing = (modes.mode_shapes @ q).real
     return swing[:n], swing[n:]

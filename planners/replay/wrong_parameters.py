@@ -1,4 +1,4 @@
-"""What swing a plan leaves on a load that is not the one it was made for: curves over one wrong parameter."""
+"""Residual vibration of a plan versus parameter error: sensitivity curves."""
 
 from __future__ import annotations
 
@@ -15,13 +15,10 @@ from planners.trajectories.cells import exponential_integral, resolve
 from planners.trajectories.pieces import ComplexArray, FloatArray, Piece, Smooth
 from planners.trajectories.trajectory import Trajectory
 
-SAMPLES_PER_RADIAN = 50.0  # of the fastest mode: a parabola through each leaves 1e-6 of a peak
-RELATIVE, ABSOLUTE = (
-    1e-9,
-    1e-11,
-)  # of a step of the nonlinear integration: a move ends within 1e-8 rad
-LONGEST_RAD = 1e4  # of the fastest mode: what is longer takes minutes
-WINDOW_S = 8.0  # after the move, in which the source's curves are read
+SAMPLES_PER_RADIAN = 50.0  # of the fastest mode: error 1e-6 of a peak with a parabola through each
+RTOL, ATOL = 1e-9, 1e-11  # of a step of the nonlinear integration: a move ends within 1e-8 rad
+MAX_PHASE_RAD = 1e4  # of the fastest mode in a move; longer ones take minutes
+WINDOW_S = 8.0  # after the move, in which the curves of source 004 are read
 
 
 def residual_curve(
@@ -32,10 +29,11 @@ def residual_curve(
     *,
     nonlinear: bool = False,
 ) -> FloatArray:
-    """Amplitude [rad] that is left at the end of the move when `parameter` of the real load has each of the values (N,).
+    """Compute the residual amplitude [rad] for each value (N,) of a parameter of the load: (N,).
 
-    What residual_amplitudes says of those loads: (N,). Source 004, section 3.2, shows such curves.
-    Raises PlanError for a parameter the model does not have, for values that are none or make no load or too fast a one.
+    As residual_amplitudes of those loads. Source 004, section 3.2, shows such curves.
+    Raises PlanError for a parameter that the model does not have, for an empty list, and for values
+    out of bounds or whose load is too fast.
     """
     return residual_amplitudes(_loads(model, parameter, values), trajectory, nonlinear=nonlinear)
 
@@ -43,20 +41,25 @@ def residual_curve(
 def residual_amplitudes(
     loads: Sequence[Model], trajectory: Trajectory, *, nonlinear: bool = False
 ) -> FloatArray:
-    """Amplitude [rad] that the same move leaves on each of N loads of n links, each its own (Model.amplitude_rad): (N,).
+    """Compute the residual amplitude [rad] of the same move on each of N loads of n links: (N,).
 
-    The platform follows the trajectory from rest to rest, a step in its speed included; the loads hang still before.
-    Small swings are integrated exactly, nonlinear ones by Runge-Kutta of order 8, all loads at once.
-    Raises PlanError for loads that are none, of unlike numbers of links, or too fast.
+    Amplitudes as in Model.amplitude_rad of the load itself. The platform follows the trajectory
+    from rest to rest, a step in its speed included; the loads hang at rest before. Small swings are
+    integrated exactly, nonlinear ones by Runge-Kutta of order 8, all loads at once.
+    Raises PlanError for no loads, loads with different numbers of links, or too fast ones.
     """
     counts = sorted({load.links_count for load in loads})
     if len(counts) != 1:
         raise PlanError(
-            f"{len(loads)} loads of {counts} links; must be at least 1 and all of as many: ask for others apart"
+            f"{len(loads)} loads of {counts} links; must be at least 1, all with the same number "
+            "of links: compute loads with other numbers separately"
         )
     for load in loads:
         _check_phase(load, trajectory.duration_s)
-    angles, rates = _replayed(loads, trajectory) if nonlinear else _swings_after(loads, trajectory)
+    if nonlinear:
+        angles, rates = _nonlinear_swings(loads, trajectory)
+    else:
+        angles, rates = _linear_swings(loads, trajectory)
     return np.array(
         [load.amplitude_rad(th, w) for load, th, w in zip(loads, angles, rates, strict=True)]
     )
@@ -70,29 +73,28 @@ def residual_peaks(
     *,
     window_s: float = WINDOW_S,
 ) -> FloatArray:
-    """Largest |angle| [rad] of each link within window_s after the move, small swings: (N, n) for values (N,).
+    """Compute the largest |angle| [rad] of each link within window_s after the move: (N, n).
 
-    Raises PlanError as residual_curve does, and for a window that is not finite and > 0.
+    For values (N,) of the parameter and small swings. Raises PlanError as residual_curve does, and
+    for a window that is not finite and > 0.
     """
     if not 0.0 < window_s < math.inf:
         raise PlanError(
-            f"window_s = {window_s} after the move; must be > 0 and finite: take some periods of the load"
+            f"window_s = {window_s} after the move; must be > 0 and finite: "
+            "take some periods of the load"
         )
     loads = _loads(model, parameter, values)
     for load in loads:
         _check_phase(load, trajectory.duration_s + window_s)
-    modes = _Modal.of(loads)
-    q, n = modes.after(trajectory), model.links_count
-    t = np.linspace(
-        0.0,
-        window_s,
-        2 + math.ceil(SAMPLES_PER_RADIAN * window_s * float(np.abs(modes.eigenvalues_1_s).max())),
-    )
+    modes = _ModalSwings.from_loads(loads)
+    q, n = modes.at_end(trajectory), model.links_count
+    fastest_1_s = float(np.abs(modes.eigenvalues_1_s).max())
+    t = np.linspace(0.0, window_s, 2 + math.ceil(SAMPLES_PER_RADIAN * window_s * fastest_1_s))
     peaks = np.empty((len(loads), n))
-    for k, (rates, shapes) in enumerate(zip(modes.eigenvalues_1_s, modes.mode_shapes, strict=True)):
-        waves = q[k, :, None] * np.exp(np.outer(rates, t))  # (2n, samples)
-        angle, slope, bend = ((shapes[:n] * rates**order @ waves).real for order in range(3))
-        peaks[k] = _highest(t, angle, slope, bend)
+    for k, (mu, shapes) in enumerate(zip(modes.eigenvalues_1_s, modes.mode_shapes, strict=True)):
+        waves = q[k, :, None] * np.exp(np.outer(mu, t))  # (2n, samples)
+        angle, slope, curvature = ((shapes[:n] * mu**order @ waves).real for order in range(3))
+        peaks[k] = _peaks(t, angle, slope, curvature)
     return peaks
 
 
@@ -102,7 +104,8 @@ def _loads(model: Model, parameter: str, values: ArrayLike) -> list[Model]:
     numbers = np.asarray(values, dtype=np.float64)
     if numbers.ndim != 1 or not numbers.size:
         raise PlanError(
-            f"values of {parameter} have shape {numbers.shape}; must be one row of at least 1: list them"
+            f"values of {parameter} have shape {numbers.shape}; must be one row of at least 1: "
+            "list them"
         )
     return [_load(model, parameter, value) for value in numbers.tolist()]
 
@@ -113,78 +116,93 @@ def _load(model: Model, parameter: str, value: float) -> Model:
     try:
         return model.with_parameter(parameter, value)
     except PlanError as refused:
-        raise PlanError(f"{parameter} = {value:g} makes no load: {refused}") from None
+        raise PlanError(f"{parameter} = {value:g} gives no valid load: {refused}") from None
 
 
 def _check_phase(load: Model, time_s: float) -> None:
     phase = time_s * float(np.abs(load.modes().eigenvalues_1_s).max())
-    if phase > LONGEST_RAD:
+    if phase > MAX_PHASE_RAD:
         raise PlanError(
-            f"a mode of {load} passes {phase:.3g} rad in {time_s:g} s; must be <= {LONGEST_RAD:g}: leave it out"
+            f"a mode of {load} passes {phase:.3g} rad in {time_s:g} s; "
+            f"must be <= {MAX_PHASE_RAD:g}: leave this load out"
         )
 
 
-def _swings_after(loads: Sequence[Model], trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
-    modes = _Modal.of(loads)
-    states = np.einsum("kij,kj->ki", modes.mode_shapes, modes.after(trajectory)).real
+def _linear_swings(loads: Sequence[Model], trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
+    modes = _ModalSwings.from_loads(loads)
+    states = np.einsum("kij,kj->ki", modes.mode_shapes, modes.at_end(trajectory)).real
     n = loads[0].links_count
     return states[:, :n], states[:, n:]
 
 
-class _Modal(NamedTuple):
-    """Small swings of N loads, each in modes of its own: q' = rates q + reached a."""
+class _ModalSwings(NamedTuple):
+    """Small swings of N loads in modal coordinates of their own: q' = mu q + controllable a."""
 
     eigenvalues_1_s: ComplexArray  # (N, 2n)
     mode_shapes: ComplexArray  # (N, 2n, 2n)
-    reached: FloatArray  # (N, 2n) 1, or 0 for a mode the platform cannot move
+    controllable: FloatArray  # (N, 2n) 1, or 0 for a mode that the platform does not drive
 
     @classmethod
-    def of(cls, loads: Sequence[Model]) -> _Modal:
+    def from_loads(cls, loads: Sequence[Model]) -> _ModalSwings:
+        """Collect the modes of the loads."""
         modes = [load.modes() for load in loads]
-        reached = np.array([m.gains > 0.0 for m in modes], dtype=np.float64)
         return cls(
-            np.array([m.eigenvalues_1_s for m in modes]),
-            np.array([m.mode_shapes for m in modes]),
-            reached,
+            eigenvalues_1_s=np.array([m.eigenvalues_1_s for m in modes]),
+            mode_shapes=np.array([m.mode_shapes for m in modes]),
+            controllable=np.array([m.gains > 0.0 for m in modes], dtype=np.float64),
         )
 
-    def after(self, trajectory: Trajectory) -> ComplexArray:
-        """q at the end: int a exp(rate (T - t)) dt, by parts rate int v exp(rate (T - t)) dt, so that steps in speed count."""
-        rates = self.eigenvalues_1_s.ravel()
-        total, end = np.zeros_like(rates), trajectory.duration_s
-        for stop, piece in zip(trajectory.breaks_s[1:].tolist(), trajectory.pieces, strict=True):
-            total += np.exp(rates * (end - stop)) * exponential_integral(piece, 1, rates)
-        return np.asarray(self.reached * (rates * total).reshape(self.eigenvalues_1_s.shape))
+    def at_end(self, trajectory: Trajectory) -> ComplexArray:
+        """Compute q at the end of the trajectory, from rest: (N, 2n).
+
+        q = int a exp(mu (T - t)) dt, by parts mu int v exp(mu (T - t)) dt, so that steps in speed
+        count.
+        """
+        mu = self.eigenvalues_1_s.ravel()
+        speed_integral = np.zeros_like(mu)
+        end_s = trajectory.duration_s
+        for stop_s, piece in zip(trajectory.breaks_s[1:].tolist(), trajectory.pieces, strict=True):
+            speed_integral += np.exp(mu * (end_s - stop_s)) * exponential_integral(piece, 1, mu)
+        q = (mu * speed_integral).reshape(self.eigenvalues_1_s.shape)
+        return np.asarray(self.controllable * q)
 
 
-def _highest(t: FloatArray, angle: FloatArray, slope: FloatArray, bend: FloatArray) -> FloatArray:
-    """Largest |angle| of each row (n,): of the samples, and of the crowns of their parabolas that lie nearest to them."""
-    shift = np.divide(-slope, bend, out=np.zeros_like(angle), where=bend != 0.0)
-    crown = (
-        (angle * bend < 0.0)
+def _peaks(
+    t: FloatArray, angle: FloatArray, slope: FloatArray, curvature: FloatArray
+) -> FloatArray:
+    """Find the largest |angle| of each row (n,).
+
+    Of the samples, and of the vertices of their parabolas within half a sample.
+    """
+    shift = np.divide(-slope, curvature, out=np.zeros_like(angle), where=curvature != 0.0)
+    is_vertex = (
+        (angle * curvature < 0.0)
         & (np.abs(shift) <= t[1] / 2)
         & (t + shift >= 0.0)
         & (t + shift <= t[-1])
     )
-    rise = np.where(crown, np.abs(slope * shift) / 2, 0.0)
+    rise = np.where(is_vertex, np.abs(slope * shift) / 2, 0.0)
     return np.asarray((np.abs(angle) + rise).max(axis=1))
 
 
-def _replayed(loads: Sequence[Model], trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
-    swing = _Nonlinear(loads)
+def _nonlinear_swings(
+    loads: Sequence[Model], trajectory: Trajectory
+) -> tuple[FloatArray, FloatArray]:
+    swing = _NonlinearLoads(loads)
     state = np.zeros(2 * swing.coupling.size)
     for piece in trajectory.pieces:
-        state = swing.over(piece, state)
-    angles, momenta = swing.parts(state)
+        state = swing.integrate(piece, state)
+    angles, momenta = swing.split(state)
     return angles, swing.rates(angles, momenta, 0.0)
 
 
-class _Nonlinear:
-    """N loads of n links under one platform, with momenta for rates: the speed v is then the only input.
+class _NonlinearLoads:
+    """N loads of n links under one platform, in angles and momenta: the speed v is the only input.
 
     p_i = sum_j mass_ij cos(th_i - th_j) th_j' + coupling_i cos(th_i) v,
-    p_i' = -th_i' (sum_j mass_ij sin(th_i - th_j) th_j' + coupling_i sin(th_i) v) - (what Equations names as forces),
-    which are Hamilton's equations of planners.models.model.Equations.
+    p_i' = -th_i' (sum_j mass_ij sin(th_i - th_j) th_j' + coupling_i sin(th_i) v) - forces_i with
+    the forces of gravity, springs and dampers: Hamilton's equations of
+    planners.models.model.Equations.
     """
 
     def __init__(self, loads: Sequence[Model]) -> None:
@@ -195,59 +213,62 @@ class _Nonlinear:
         self.coupling = np.array([e.coupling_kg_m for e in each])  # (N, n)
         self.weight = np.array([e.gravity_m_s2 * e.coupling_kg_m for e in each])
 
-    def parts(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Angles and momenta, (N, n) each, of a flat state."""
+    def split(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Split a flat state into angles and momenta: (N, n) each."""
         angles, momenta = state.reshape(2, *self.coupling.shape)
         return angles, momenta
 
     def rates(self, angles: FloatArray, momenta: FloatArray, speed_m_s: float) -> FloatArray:
-        """Angular velocities (N, n)."""
+        """Compute the angular velocities (N, n)."""
         inertia = self.mass * np.cos(angles[:, :, None] - angles[:, None, :])
         right = momenta - speed_m_s * self.coupling * np.cos(angles)
         if angles.shape[1] == 1:
             return np.asarray(right / inertia[:, :, 0])
         return np.asarray(np.linalg.solve(inertia, right[:, :, None])[:, :, 0])
 
-    def over(self, piece: Piece, state: FloatArray) -> FloatArray:
-        """The flat state at the end of a piece, from that at its start."""
+    def integrate(self, piece: Piece, state: FloatArray) -> FloatArray:
+        """Integrate the flat state from the start to the end of a piece."""
         from scipy.integrate import solve_ivp
 
         speed, order = (piece, 1) if isinstance(piece, Smooth) else (piece.derivative(), 0)
 
-        def slope(t: float, x: FloatArray) -> FloatArray:
-            return self.slope(x, float(speed.at(np.asarray(t), order)))
+        def rhs(t: float, x: FloatArray) -> FloatArray:
+            return self.rhs(x, float(speed.at(np.asarray(t), order)))
 
-        longest = 2.0 * float(
-            resolve(piece, 1).halves_s.max()
-        )  # no step passes over a motion that begins late
-        with np.errstate(over="ignore", invalid="ignore"):  # of a load that runs away
+        # No step may skip a motion that begins late in the piece.
+        max_step_s = 2.0 * float(resolve(piece, 1).halves_s.max())
+        with np.errstate(over="ignore", invalid="ignore"):  # of a load that diverges
             done = solve_ivp(
-                slope,
+                rhs,
                 (0.0, piece.duration_s),
                 state,
                 "DOP853",
-                rtol=RELATIVE,
-                atol=ABSOLUTE,
-                max_step=longest,
+                rtol=RTOL,
+                atol=ATOL,
+                max_step=max_step_s,
             )
         if not done.success:
             t = done.t[-1]
             raise PlanError(
-                f"speed = {float(piece.at(t, 1)):.3g} m/s at {t:.6g} s of a piece; must be one the load can be followed at "
-                f"({done.message.rstrip('.').lower()}): give the move more time"
+                f"speed = {float(piece.at(t, 1)):.3g} m/s at {t:.6g} s of a piece; must be small "
+                f"enough for the integration ({done.message.rstrip('.').lower()}): "
+                "give the move more time"
             )
         return np.asarray(done.y[:, -1])
 
-    def slope(self, state: FloatArray, speed_m_s: float) -> FloatArray:
-        """d/dt of a flat state."""
-        angles, momenta = self.parts(state)
-        rates, sines = self.rates(angles, momenta, speed_m_s), np.sin(angles)
-        twist = _each(self.mass * np.sin(angles[:, :, None] - angles[:, None, :]), rates)
-        forces = self.weight * sines + _each(self.springs, angles) + _each(self.damping, rates)
-        pull = -rates * (twist + speed_m_s * self.coupling * sines) - forces
-        return np.concatenate([rates.ravel(), pull.ravel()])
+    def rhs(self, state: FloatArray, speed_m_s: float) -> FloatArray:
+        """Compute d/dt of a flat state."""
+        angles, momenta = self.split(state)
+        rates = self.rates(angles, momenta, speed_m_s)
+        sines = np.sin(angles)
+        mass_sines = self.mass * np.sin(angles[:, :, None] - angles[:, None, :])
+        twist = _multiply(mass_sines, rates)
+        springs, dampers = _multiply(self.springs, angles), _multiply(self.damping, rates)
+        forces = self.weight * sines + springs + dampers
+        momentum_rates = -rates * (twist + speed_m_s * self.coupling * sines) - forces
+        return np.concatenate([rates.ravel(), momentum_rates.ravel()])
 
 
-def _each(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
-    """Each load's matrix (N, n, n) on its vector (N, n)."""
+def _multiply(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
+    """Multiply the matrix (N, n, n) of each load by its vector (N, n)."""
     return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])

@@ -32,7 +32,7 @@ def plan_shaped(name: str, problem: Problem) -> Trajectory:
     if name not in SHAPED:
         raise unknown_name("shaper", name, SHAPED)
     _check(name, problem)
-    rates = problem.model.swing_rates_1_s
+    rates = problem.model.oscillatory_eigenvalues_1_s
     shaper = joint(rates, JOINT[name]) if name in JOINT else _cascade(name, rates)
     length_s = float(shaper.times_s[-1])
     if problem.time_s <= length_s:
@@ -79,7 +79,7 @@ def _check(name: str, problem: Problem) -> None:
             f"planner {name} with input force; must be acceleration or jerk, as a shaper acts on the position: "
             "leave --model at acceleration"
         )
-    swinging, links = len(problem.model.swing_rates_1_s), problem.model.links_count
+    swinging, links = len(problem.model.oscillatory_eigenvalues_1_s), problem.model.links_count
     if swinging < links:
         raise PlanError(
             f"planner {name} for {links} modes of which {swinging} swing; all must, as no shaper cancels an overdamped one: "

@@ -1,7 +1,8 @@
-"""Cart and chain from the positions of point masses alone: an independent truth for models and replays.
+"""Independent dynamics of cart and chain, from the positions of point masses alone.
 
-A homogeneous bar is three points (mass/6 at its ends, 4 mass/6 in its middle): Simpson's rule is exact for a velocity that
-is linear along it. Every derivative is taken numerically, by a complex step or by Cauchy's integral, to rounding.
+A check for models and replays. A homogeneous bar is three points (mass/6 at its ends, 4 mass/6 in
+its middle): Simpson's rule is exact for a velocity that is linear along it. Every derivative is
+taken numerically, by a complex step or by Cauchy's integral, to rounding.
 """
 
 from __future__ import annotations
@@ -17,7 +18,10 @@ CIRCLE = 0.1 * np.exp(2j * np.pi * np.arange(8) / 8)
 
 @dataclass(frozen=True)
 class CartAndChain:
-    """q = [y, angles]; relative angles count from the link above, and so do springs and dampers."""
+    """Cart and chain with coordinates q = [y, angles].
+
+    Relative angles count from the link above, and so do springs and dampers.
+    """
 
     links: tuple  # of (length, mass, kind)
     springs: tuple = ()  # n - 1
@@ -28,7 +32,7 @@ class CartAndChain:
     relative: bool = False
 
     def points(self, q):
-        """Masses (P,) and their places (P, 2, ...) for coordinates (n + 1, ...), x to the right and z up."""
+        """List masses (P,) and places (P, 2, ...) for q (n + 1, ...), x to the right and z up."""
         angles = np.cumsum(q[1:], axis=0) if self.relative else q[1:]
         joint = np.array([q[0], 0.0 * q[0]])
         masses, places = [self.cart], [joint]
@@ -41,21 +45,24 @@ class CartAndChain:
         return np.array([*masses, self.tip]), np.array([*places, joint])
 
     def slopes(self, q):
-        """Derivative of every place by every coordinate: (P, 2, n + 1)."""
+        """Compute the derivative of every place by every coordinate: (P, 2, n + 1)."""
         return self.points(q[:, None] + 1j * STEP * np.eye(len(q)))[1].imag / STEP
 
     def bend(self, q, qd):
-        """Second derivative of the places along qd: (P, 2)."""
+        """Compute the second derivative of the places along qd: (P, 2)."""
         circle = CIRCLE / max(1.0, np.abs(qd).max())
         around = self.points(q[:, None] + qd[:, None] * circle)[1]  # (P, 2, 8)
         return 2.0 * np.mean(around * circle**-2, axis=-1).real
 
     def mass(self, q):
-        """(n + 1, n + 1)."""
+        """Compute the mass matrix (n + 1, n + 1)."""
         return self._parts(q)[0]
 
     def forces(self, q, qd):
-        """What mass(q) qdd must equal when nothing pushes the cart: inertia, gravity, springs, dampers: (n + 1,)."""
+        """Compute mass(q) qdd without a force on the cart: (n + 1,).
+
+        From inertia, gravity, springs and dampers.
+        """
         _, m, slopes = self._parts(q)
         pull = self.bend(q, qd)
         pull[:, 1] += self.gravity
@@ -73,18 +80,18 @@ class CartAndChain:
         return flat.T @ (np.repeat(m, 2)[:, None] * flat), m, slopes
 
     def driven(self, q, qd, acceleration):
-        """Angular accelerations under a platform with that acceleration: (n,)."""
+        """Compute the angular accelerations under a platform with that acceleration: (n,)."""
         mass = self.mass(q)
         return np.linalg.solve(mass[1:, 1:], self.forces(q, qd)[1:] - mass[1:, 0] * acceleration)
 
     def pushed(self, q, qd, force):
-        """[y'', angular accelerations] under a platform with that force on it: (n + 1,)."""
+        """Compute [y'', angular accelerations] with a force on the platform: (n + 1,)."""
         out = self.forces(q, qd)
         out[0] += force
         return np.linalg.solve(self.mass(q), out)
 
     def energy(self, q, qd):
-        """Kinetic, gravitational and in the springs."""
+        """Sum kinetic, gravitational and spring energy."""
         m, places = self.points(q)
         across = q[2:] if self.relative else np.diff(q[1:])
         return (
@@ -94,7 +101,10 @@ class CartAndChain:
         )
 
     def play(self, trajectory, start=None, steps=()):
-        """Largest |angle| and [angles, rates] at the end, by scipy; steps (before, after) are speeds outside the move."""
+        """Compute the largest |angle| and [angles, rates] at the end, by scipy.
+
+        steps (before, after) are speeds outside the move.
+        """
         n = len(self.links)
         x = np.zeros(2 * n) if start is None else np.array(start, dtype=float)
         before, after = steps or (0.0, 0.0)
@@ -120,7 +130,7 @@ class CartAndChain:
         return peak, self._kicked(x, after - speed)
 
     def _kicked(self, x, step):
-        """Impulse of a step in the platform's speed."""
+        """Apply the impulse of a step in the platform's speed."""
         n = len(self.links)
         mass = self.mass(np.append(0.0, x[:n]))
         return np.append(x[:n], x[n:] - np.linalg.solve(mass[1:, 1:], mass[1:, 0] * step))

@@ -1,4 +1,7 @@
-"""Finite differences, shooting and collocation against closed forms, each other, Riccati's equation and an ODE solver."""
+"""Finite differences, shooting and collocation against closed forms and each other.
+
+Also against Riccati's equation and an ODE solver.
+"""
 
 from __future__ import annotations
 
@@ -16,20 +19,20 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import solve_continuous_are
 
 from planners.boundary_value.collocation import plan_collocation
-from planners.boundary_value.conditions import conditions
+from planners.boundary_value.conditions import boundary_value_problem
 from planners.boundary_value.convolution import plan_convolution
 from planners.boundary_value.finite_differences import plan_finite_differences, solve_trapezoidal
 from planners.boundary_value.linear import linear_problem
 from planners.boundary_value.matrix_exponential import plan_matrix_exponential
 from planners.boundary_value.nodes import (
-    Budget,
     Nodes,
+    WorkBudget,
     checked_trajectory,
     graded_grid,
     input_from_costates,
     through_nodes,
 )
-from planners.boundary_value.nonlinear import TruePendulum
+from planners.boundary_value.nonlinear import NonlinearPendulum
 from planners.boundary_value.shooting import plan_shooting
 from planners.errors import NotConverged, PlanError
 from planners.models.chain import ChainModel, Link
@@ -84,7 +87,7 @@ def problem_of(model=METRE, input="acceleration", robust=(), time_s=1.5, **more)
 
 
 def apart(a, b, order=2):
-    """Largest difference of two trajectories' derivatives, of the second one's peak."""
+    """Compute the largest difference of two derivatives, relative to the second one's peak."""
     t = np.linspace(0.0, b.duration_s, 2001)
     return np.abs(a.at(t, order) - b.at(t, order)).max() / b.peak(order).value
 
@@ -122,8 +125,9 @@ def test_shooting_meets_the_convolution(case):
 
 @pytest.mark.parametrize("case", [case for case in CASES if case[1] == "jerk"], ids=label)
 def test_shooting_through_a_fast_filter_is_refused_with_its_growth(case):
-    growth = rf"exp\({case[3] * 20 * math.pi:.4g}\) times in time_s = {case[3]}; must be <= 1e\+08.*take convolution"
-    with pytest.raises(NotConverged, match=growth):
+    growth = rf"exp\({case[3] * 20 * math.pi:.4g}\) times in time_s = {case[3]}; "
+    bound = r"must be <= 1e\+08.*take convolution"
+    with pytest.raises(NotConverged, match=growth + bound):
         plan_shooting(problem_of(*case))
 
 
@@ -232,7 +236,7 @@ def test_a_cheap_input_makes_steep_ends_that_the_grid_follows():
     assert apart(made, plan_collocation(problem)) < 1e-6
     assert apart(made, plan_matrix_exponential(problem)) < 1e-6
     assert (
-        np.abs(np.diff(graded_grid(conditions(problem)))).min() < 1.5 / 400
+        np.abs(np.diff(graded_grid(boundary_value_problem(problem)))).min() < 1.5 / 400
     )  # twice as fine as equal intervals
     with pytest.raises(NotConverged, match="amplifies rounding"):
         plan_shooting(problem)
@@ -280,7 +284,7 @@ def test_no_move_stands_still(planner):
 
 @pytest.mark.parametrize("planner", [plan_finite_differences, plan_collocation])
 @pytest.mark.parametrize(("time_s", "energy"), [(1.1, None), (0.75, 607.0)])
-def test_a_plan_for_the_true_pendulum_leaves_it_at_rest(planner, time_s, energy):
+def test_a_plan_for_the_nonlinear_pendulum_leaves_it_at_rest(planner, time_s, energy):
     made = planner(problem_of(time_s=time_s, nonlinear=True))
     assert np.abs(played(made, METRE)).max() < 1e-6
     if energy:
@@ -290,18 +294,22 @@ def test_a_plan_for_the_true_pendulum_leaves_it_at_rest(planner, time_s, energy)
         assert np.abs(played(linear, METRE)).max() > 0.03
 
 
-def test_all_three_agree_on_the_true_pendulum_with_a_swing_damping_and_weights():
+def test_all_three_agree_on_the_nonlinear_pendulum_with_a_swing_damping_and_weights():
     load = PendulumModel(length_m=0.9, damping_ratio=0.02)
     problem = problem_of(
-        load, time_s=1.3, nonlinear=True, start_state={"angle_rad": 0.3}, goal_state={"angle_rad": -0.1},
+        load,
+        time_s=1.3,
+        nonlinear=True,
+        start_state={"angle_rad": 0.3},
+        goal_state={"angle_rad": -0.1},
         state_weights={"angle_rad": 5.0, "speed_m_s": 0.5},
-    )  # fmt: skip
+    )
     made = [planner(problem) for planner in PLANNERS.values()]
     assert max(apart(made[0], made[1]), apart(made[2], made[1])) < 1e-6
     np.testing.assert_allclose(played(made[1], load, (0.3, 0.0)), [-0.1, 0.0], atol=1e-6)
 
 
-def test_the_true_pendulum_through_a_filter_is_planned_twice_the_same():
+def test_the_nonlinear_pendulum_through_a_filter_is_planned_twice_the_same():
     problem = problem_of(input="jerk", time_s=0.9, nonlinear=True)
     made = plan_finite_differences(problem)
     assert apart(plan_collocation(problem), made) < 1e-6
@@ -318,16 +326,17 @@ def test_a_single_bar_is_the_pendulum_of_two_thirds_its_length():
     assert apart(a, b) < 1e-7
 
 
-def test_a_short_move_of_the_true_pendulum_is_the_linear_one():
+def test_a_short_move_of_the_nonlinear_pendulum_is_the_linear_one():
     small = plan_collocation(problem_of(distance_m=1e-4, nonlinear=True))
     assert apart(small, plan_convolution(problem_of(distance_m=1e-4))) < 1e-6
 
 
 @pytest.mark.parametrize("time_s", [0.75, 0.6])
-def test_shooting_the_true_pendulum_below_half_a_period_is_refused(time_s):
+def test_shooting_the_nonlinear_pendulum_below_half_a_period_is_refused(time_s):
     with pytest.raises(
         NotConverged,
-        match=rf"misses the goal by .* in time_s = {time_s}; must be <= 1e-08: give the move more time.*try finite_diff",
+        match=rf"misses the goal by .* in time_s = {time_s}; must be <= 1e-08: "
+        "give the move more time.*try finite_diff",
     ):
         plan_shooting(problem_of(time_s=time_s, nonlinear=True))
 
@@ -354,11 +363,11 @@ def test_no_refusal_sends_the_reader_to_another_solver_of_its_kind(name, nonline
     assert ("matrix_exponential" in advice) != nonlinear
 
 
-def test_no_refusal_of_the_true_pendulum_names_a_solver_of_the_linear_one():
+def test_no_refusal_of_the_nonlinear_pendulum_names_a_solver_of_the_linear_one():
     for time_s in (0.0201, 0.3, 0.6):
         with pytest.raises(
             NotConverged,
-            match=r"give the move more time, or less distance and swing, or try finite_differences$",
+            match="give the move more time, or less distance and swing, or try finite_differences$",
         ):
             plan_shooting(problem_of(time_s=time_s, nonlinear=True))
 
@@ -378,10 +387,13 @@ def test_nonlinear_problems_beyond_one_driven_link_are_refused(planner, case, wo
 
 
 @pytest.mark.parametrize("lag_s", [None, 0.05])
-def test_the_true_pendulum_obeys_pontryagin(lag_s):
-    """x' = dH/dp, p' = -dH/dx, dH/du = 0 and the Jacobian, by central differences at random points."""
+def test_the_nonlinear_pendulum_obeys_pontryagin(lag_s):
+    """Check x' = dH/dp, p' = -dH/dx, dH/du = 0 and the Jacobian.
+
+    By central differences at random points.
+    """
     n, rng = 4 if lag_s is None else 5, np.random.default_rng(5)
-    load = TruePendulum(1.3, 9.0, 0.2, lag_s, rng.uniform(0.0, 2.0, n), 0.7)
+    load = NonlinearPendulum(1.3, 9.0, 0.2, lag_s, rng.uniform(0.0, 2.0, n), 0.7)
     z = rng.uniform(-1.0, 1.0, (2 * n, 20))
 
     def hamiltonian(z, u):
@@ -395,8 +407,8 @@ def test_the_true_pendulum_obeys_pontryagin(lag_s):
     for k in range(2 * n):
         e = np.eye(2 * n)[k][:, None] * h
         gradient[k] = (hamiltonian(z + e, u) - hamiltonian(z - e, u)) / (2 * h)
-        jacobian[:, k] = (load.slope(z + e) - load.slope(z - e)) / (2 * h)
-    np.testing.assert_allclose(load.slope(z), np.vstack([gradient[n:], -gradient[:n]]), atol=1e-7)
+        jacobian[:, k] = (load.rhs(z + e) - load.rhs(z - e)) / (2 * h)
+    np.testing.assert_allclose(load.rhs(z), np.vstack([gradient[n:], -gradient[:n]]), atol=1e-7)
     np.testing.assert_allclose(load.jacobian(z), jacobian, atol=1e-6)
     np.testing.assert_allclose(hamiltonian(z, u + h), hamiltonian(z, u - h), atol=1e-12)
 
@@ -446,7 +458,7 @@ def test_a_trajectory_of_many_quintics_is_summed_up_as_each_by_itself(order):
 
 
 def test_the_grid_is_fine_where_the_filter_is_steep_only():
-    t = graded_grid(conditions(problem_of(input="jerk", time_s=2.0)))
+    t = graded_grid(boundary_value_problem(problem_of(input="jerk", time_s=2.0)))
     h, lag = np.diff(t), 1.0 / (20.0 * math.pi)
     assert t[0] == 0.0
     assert t[-1] == 2.0
@@ -454,7 +466,7 @@ def test_the_grid_is_fine_where_the_filter_is_steep_only():
     assert h.max() <= 0.0101
     assert len(h) < 260
     np.testing.assert_allclose(h, h[::-1], rtol=1e-9)
-    assert len(graded_grid(conditions(problem_of()))) == 201
+    assert len(graded_grid(boundary_value_problem(problem_of()))) == 201
 
 
 def test_a_move_too_long_for_nodes_is_refused():
@@ -496,7 +508,7 @@ def test_a_wild_problem_is_planned_or_refused_by_name(planner, wild):
 
 
 def answer(planner, problem):
-    """A trajectory, or the refusal."""
+    """Plan a trajectory, or return the error."""
     try:
         return PLANNERS[planner](problem)
     except PlanError as refusal:
@@ -509,21 +521,21 @@ def test_a_mode_faster_than_rounding_can_follow_is_refused():
         PlanError,
         match=r"time constants of the fastest motion.*must be <= 1e\+08.*take matrix_exponential",
     ):
-        graded_grid(conditions(steep))
+        graded_grid(boundary_value_problem(steep))
 
 
-def test_a_budget_is_what_may_be_spent_and_not_more():
-    work = Budget("digging", 10.0, "take a shovel")
+def test_a_budget_permits_its_work_and_not_more():
+    work = WorkBudget("a planner", 10.0, "take another")
     work.spend(4.0)
     work.spend(6.0)
     with pytest.raises(
-        NotConverged, match=r"digging asks for 10.5 units of work.*must be <= 10: take a shovel"
+        NotConverged, match=r"a planner requires 10.5 units of work.*must be <= 10: take another"
     ):
         work.spend(0.5)
 
 
 @pytest.mark.parametrize(
-    ("planner", "hopeless", "way_out"),
+    ("planner", "unsolvable", "hint"),
     [
         (
             "shooting",
@@ -535,32 +547,37 @@ def test_a_budget_is_what_may_be_spent_and_not_more():
         ("collocation", {"model": TWENTY, "time_s": 3.0}, "take convolution"),
     ],
 )
-def test_a_hopeless_problem_runs_out_of_work_and_not_of_patience(planner, hopeless, way_out):
-    with pytest.raises(NotConverged, match=f"{planner} asks for .* units of work.*{way_out}"):
-        PLANNERS[planner](problem_of(**hopeless))
+def test_a_problem_that_does_not_converge_is_refused_after_bounded_work(planner, unsolvable, hint):
+    with pytest.raises(NotConverged, match=f"{planner} requires .* units of work.*{hint}"):
+        PLANNERS[planner](problem_of(**unsolvable))
 
 
 @pytest.mark.parametrize("nonlinear", [False, True])
-def test_a_solution_for_another_load_is_refused_when_played(nonlinear):
-    """The same nodes are taken for the load they were made for."""
+def test_a_solution_for_another_load_is_refused(nonlinear):
+    """The same nodes are accepted for the load they were computed for."""
     problem, other = (
         problem_of(nonlinear=nonlinear),
         problem_of(PendulumModel(length_m=1.001), nonlinear=nonlinear),
     )
     t_s, z = solved(problem)
-    assert checked_trajectory(problem, conditions(problem), t_s, z, "digging").duration_s == 1.5
+    assert (
+        checked_trajectory(problem, boundary_value_problem(problem), t_s, z, "a planner").duration_s
+        == 1.5
+    )
     with pytest.raises(
         NotConverged,
-        match=r"digging leaves the load .* rad beside its goal in time_s = 1\.5; must be <= .*e-0",
+        match=r"a planner: terminal error .* rad in time_s = 1\.5; must be <= .*e-0",
     ):
-        checked_trajectory(other, conditions(other), t_s, z, "digging")
+        checked_trajectory(other, boundary_value_problem(other), t_s, z, "a planner")
 
 
-def test_a_solution_of_nothing_is_refused_when_played():
+def test_a_solution_that_is_not_a_number_is_refused():
     problem = problem_of(BARS)
     t_s, z = solved(problem)
-    with pytest.raises(NotConverged, match="leaves the load nan rad beside its goal"):
-        checked_trajectory(problem, conditions(problem), t_s, np.full_like(z, np.nan), "digging")
+    with pytest.raises(NotConverged, match="terminal error nan rad"):
+        checked_trajectory(
+            problem, boundary_value_problem(problem), t_s, np.full_like(z, np.nan), "a planner"
+        )
 
 
 @pytest.mark.parametrize("seed", [0, 2])
@@ -592,12 +609,12 @@ def test_importing_the_planners_leaves_scipy_alone():
 
 
 def solved(problem):
-    """Instants and z (2n, N+1) by finite differences, fine enough to be taken."""
+    """Compute instants and an accepted z (2n, N+1) by finite differences."""
     caught = {}
 
-    def keep(problem, asked, t_s, z, planner):
+    def keep(problem, bvp, t_s, z, planner):
         caught.update(t_s=t_s, z=z)
-        return checked_trajectory(problem, asked, t_s, z, planner)
+        return checked_trajectory(problem, bvp, t_s, z, planner)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("planners.boundary_value.finite_differences.checked_trajectory", keep)
@@ -606,7 +623,10 @@ def solved(problem):
 
 
 def played(trajectory, model, start=(0.0, 0.0)):
-    """Angle and rate at the end on the true pendulum: scipy's DOP853 on theta'' = ..., in one sweep over the quintics."""
+    """Compute angle and rate at the end on the nonlinear pendulum.
+
+    By scipy's DOP853 on theta'' = ..., in one sweep over the quintics.
+    """
     w2, damping = 9.81 / model.length_m, 2 * model.damping_ratio * math.sqrt(9.81 / model.length_m)
 
     def rates(t, x):

@@ -1,4 +1,4 @@
-"""Exact minimum-energy plans of every model, against published exact values and integrals taken another way."""
+"""Exact minimum-energy plans of every model, against published values and other integrals."""
 
 from __future__ import annotations
 
@@ -33,8 +33,9 @@ THREE = ChainModel(
     tip_mass_kg=0.4,
 )
 
-# source 004, tables 3.1 to 4.7, exact values recomputed: model, input, robust, T, angle maxima, travel, v max, v rms, a max,
-# a rms (None: not given). Jerk rows are left out here: the tables' are nodes of a difference scheme.
+# Source 004, tables 3.1 to 4.7, exact values recomputed: model, input, robust, T, angle maxima,
+# travel, v max, v rms, a max, a rms (None: not given). Jerk rows are left out here: the tables'
+# values are nodes of a difference scheme.
 EXACT = [
     (METRE, "acceleration", (), 2.0, (0.0408949,), 0.2, 0.138180, 0.104893, 0.771330, 0.278575),
     (METRE, "acceleration", (), 0.5, (0.615101,), 1.07120, 7.76939, 5.19428, 268.696, 100.771),
@@ -135,7 +136,10 @@ def problem_of(model=METRE, input="acceleration", robust=(), time_s=1.5, distanc
 
 
 def quadrature(trajectory, per_piece=200):
-    """Gauss nodes (N,) and weighted accelerations (N,) of a trajectory; enough for every exponential here."""
+    """Compute Gauss nodes (N,) and weighted accelerations (N,) of a trajectory.
+
+    Exact to rounding for every exponential in this file.
+    """
     x, w = np.polynomial.legendre.leggauss(per_piece)
     halves = np.diff(trajectory.breaks_s) / 2
     t = (trajectory.breaks_s[:-1, None] + halves[:, None] * (1 + x)).ravel()
@@ -143,7 +147,10 @@ def quadrature(trajectory, per_piece=200):
 
 
 def swing_at_end(model, trajectory, start=None):
-    """Angles and rates when the platform stops, by convolution with the matrix exponential: (2n,)."""
+    """Compute angles and rates when the platform stops: (2n,).
+
+    By convolution with the matrix exponential.
+    """
     a, b = model.equations.swing("driven")
     rates, right = np.linalg.eig(a)
     t, push = quadrature(trajectory)
@@ -153,7 +160,7 @@ def swing_at_end(model, trajectory, start=None):
 
 
 def linear_peaks(model, trajectory):
-    """Largest |angle| of each link on the linear model, by scipy."""
+    """Compute the largest |angle| of each link on the linear model, by scipy."""
     a, b = model.equations.swing("driven")
     out = solve_ivp(
         lambda t, x: a @ x + b * float(trajectory.at(t, 2)),
@@ -231,9 +238,7 @@ def test_a_robust_plan_has_a_double_zero_at_every_mode_it_names(model, input):
     x = plan("convolution", problem_of(model, input, robust, time_s)).motion.x
     t, push = quadrature(x)
     modes = model.modes("free" if input == "force" else "driven")
-    if (
-        input == "force"
-    ):  # the force, from the whole's momentum: what the platform does to its own mass and to the load
+    if input == "force":
         t, push = force_of(model, x)
     for rate in modes.eigenvalues_1_s[modes.upper]:
         single = np.exp(-rate * t) @ push
@@ -244,7 +249,10 @@ def test_a_robust_plan_has_a_double_zero_at_every_mode_it_names(model, input):
 
 
 def force_of(model, trajectory):
-    """Gauss nodes and weighted force on the platform: whole y'' + coupling th''."""
+    """Compute Gauss nodes and the weighted force on the platform.
+
+    From the momentum of platform and load: total mass y'' + coupling th''.
+    """
     e = model.equations
     a, b = e.swing("driven")
     n = model.links_count
@@ -252,8 +260,14 @@ def force_of(model, trajectory):
     t = trajectory.duration_s * (1 + x) / 2
     out = solve_ivp(
         lambda s, z: a @ z + b * float(trajectory.at(s, 2)),
-        (0, trajectory.duration_s), np.zeros(2 * n), "DOP853", rtol=1e-9, atol=1e-12, dense_output=True, max_step=0.05,
-    )  # fmt: skip
+        (0, trajectory.duration_s),
+        np.zeros(2 * n),
+        "DOP853",
+        rtol=1e-9,
+        atol=1e-12,
+        dense_output=True,
+        max_step=0.05,
+    )
     z = out.sol(t)
     acceleration = trajectory.at(t, 2)
     rates = a @ z + np.outer(b, acceleration)
@@ -261,7 +275,7 @@ def force_of(model, trajectory):
     return t, force * w * trajectory.duration_s / 2
 
 
-def test_whatever_parameter_moves_all_modes_asks_for_the_same_plan():
+def test_parameters_that_shift_all_modes_give_the_same_robust_plan():
     t = np.linspace(0, 2.5, 101)
     sets = [
         ("length_2",),
@@ -279,7 +293,7 @@ def test_whatever_parameter_moves_all_modes_asks_for_the_same_plan():
         np.testing.assert_allclose(other, plans[0], atol=1e-9)
 
 
-def test_a_wrong_length_hurts_a_robust_plan_by_its_square_only():
+def test_the_residual_swing_of_a_robust_plan_grows_with_the_square_of_a_length_error():
     plain, robust = (
         plan("convolution", problem_of(robust=r, time_s=2.5)).motion.x for r in ((), ("length",))
     )
@@ -364,7 +378,10 @@ def test_any_chain_comes_to_rest(lengths, masses, kinds, damping, input, distanc
 
 @pytest.mark.parametrize("input", ["acceleration", "jerk"])
 def test_the_plan_is_the_cheapest_of_its_neighbours(input):
-    """Any other input with the same ends differs by one that does nothing; adding it either way costs more."""
+    """Any other input with the same ends differs by one without effect at the ends.
+
+    Adding that one, with either sign, increases the cost.
+    """
     best = plan("convolution", problem_of(BARS, input, time_s=2.0)).motion.x
     lag = 1 / (2 * math.pi * 10) if input == "jerk" else 0.0
     other = plan(
@@ -395,7 +412,7 @@ def test_a_weight_on_the_angle_buys_less_swing_for_more_acceleration(name):
 
 @dataclass(frozen=True)
 class Twins(Model):
-    """Two separate pendulums under one platform; `second_m` long the second one."""
+    """Two separate pendulums under one platform; second_m is the length of the second one."""
 
     second_m: float = 1.0
     moment: float = 1.0
@@ -408,9 +425,8 @@ class Twins(Model):
         )  # fmt: skip
 
     def _spring(self):
-        return (
-            9.81 * self.second_m * (1.0 - self.moment)
-        )  # gravity's share that the moment does not bring
+        # Stiffness of gravity that the moment does not cause.
+        return 9.81 * self.second_m * (1.0 - self.moment)
 
     @property
     def parameters(self):
@@ -433,7 +449,7 @@ def test_two_modes_of_one_frequency_are_refused_by_name(name):
 @pytest.mark.parametrize("name", BOUNDARY_VALUE)
 def test_a_mode_that_the_input_does_not_move_is_refused_by_name(name):
     with pytest.raises(
-        PlanError, match=r"mode 1 at .* Hz answers the input with a gain of 0; must be >= 1e-09"
+        PlanError, match=r"mode 1 at .* Hz responds to the input with a gain of 0; must be >= 1e-09"
     ):
         plan(name, problem_of(Twins(1.5, moment=0.0), time_s=2.0))
 
@@ -462,7 +478,7 @@ def test_closed_forms_refuse_the_nonlinear_load(name):
 
 
 def sensitivity(model, trajectory, name, state, input="acceleration"):
-    """Change of the end's angles and rates for a relative change of a parameter, by differences."""
+    """Compute the change of the end's angles and rates for a relative change of a parameter."""
     value, ends = model.parameters[name], []
     for side in (1e-4, -1e-4):
         other = model.with_parameter(name, value * (1 + side))
@@ -480,7 +496,7 @@ def sensitivity(model, trajectory, name, state, input="acceleration"):
         (BARS, "stiffness_1", [0.0, 0.0, 0.1, -0.1]),
     ],
 )
-def test_a_robust_plan_forgives_a_wrong_parameter_from_a_swinging_start_too(
+def test_a_robust_plan_is_insensitive_to_a_parameter_from_a_swinging_start_too(
     model, parameter, state
 ):
     names = model.state_space().states[2 : 2 + 2 * model.links_count]
@@ -545,14 +561,14 @@ def test_a_filter_that_decays_like_a_mode_is_refused_by_name(name):
 
 def test_a_parameter_that_shifts_an_overdamped_mode_is_refused():
     with pytest.raises(
-        PlanError, match=r"shifts an overdamped mode .* must swing: damp the joints less"
+        PlanError, match=r"shifts an overdamped mode .* must oscillate: reduce the damping"
     ):
         plan("convolution", problem_of(overdamped(5.0), robust=("joint_damping_1",), time_s=2.0))
 
 
 def test_damping_that_is_rounding_neither_grows_nor_stops_a_shaper():
     model = ChainModel(links=(Link(0.5, 1.0),) * 2, damping_ratio=1e-17)
-    assert max(rate.real for rate in model.swing_rates_1_s) <= 0.0
+    assert max(rate.real for rate in model.oscillatory_eigenvalues_1_s) <= 0.0
     assert plan("zvd", problem_of(model, time_s=4.0)).metrics.residual_swing_rad < 1e-12
 
 
@@ -573,6 +589,6 @@ def test_the_weight_of_the_input_alone_changes_nothing(name):
 def test_weights_too_steep_for_the_move_are_refused():
     with pytest.raises(
         PlanError,
-        match=r"state_weights over input_weight = 1 make a motion .* times faster than time_s",
+        match=r"state_weights over input_weight = 1 cause a motion .* times faster than time_s",
     ):
         plan("matrix_exponential", problem_of(state_weights={"angle_rad": 1e12}))

@@ -1,4 +1,4 @@
-"""Models of the load against a Lagrangian written from positions, the published figures, and MuJoCo-free closed forms."""
+"""Models of the load against an independent Lagrangian, published figures and closed forms."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planners.errors import PlanError
-from planners.models.augmented import augmented, check_reachable, unreachable
+from planners.models.augmented import augmented, check_controllable, uncontrollable
 from planners.models.chain import ChainModel, Link, parse_links
 from planners.models.pendulum import PendulumModel
 from tests.planners.lagrangian import CartAndChain
@@ -60,7 +60,7 @@ def motions(n):
 
 
 def slopes_at_rest(function, size, h=1e-3):
-    """Jacobian by central differences of order 4."""
+    """Compute the Jacobian by central differences of order 4."""
     steps = [(k, c) for k, c in ((-2, 1.0), (-1, -8.0), (1, 8.0), (2, -1.0))]
     return np.array(
         [sum(c * function(k * h * e) for k, c in steps) / (12.0 * h) for e in np.eye(size)]
@@ -100,7 +100,7 @@ def test_a_pushed_platform_obeys_them_too(data, model, force):
 @pytest.mark.parametrize(
     "links", [TWO, THREE, "1.0:0.7:point", "0.2:1.35:bar,0.15:1.0125:bar", "mixed"]
 )
-def test_the_state_spaces_are_the_slopes_of_the_true_motion(links, angles):
+def test_the_state_spaces_linearise_the_nonlinear_motion(links, angles):
     model = MIXED
     if links != "mixed":
         n = len(parse_links(links))
@@ -265,7 +265,7 @@ def test_relative_angles_swing_at_the_same_rates(model, name):
 @given(
     model=chains(), cart=st.sampled_from(["driven", "free"]), zeta=st.sampled_from([0.0, 0.01, 0.3])
 )
-def test_the_modes_take_the_swing_apart(model, cart, zeta):
+def test_the_modes_decouple_the_swing(model, cart, zeta):
     model = model.with_parameter("damping_ratio", zeta)
     modes, (a, b) = model.modes(cart), model.equations.swing(cart)
     size = len(a)
@@ -285,7 +285,7 @@ def test_the_modes_take_the_swing_apart(model, cart, zeta):
     assert np.all(np.diff(modes.natural_frequencies_hz) >= -1e-9)
 
 
-def test_a_bend_that_no_platform_excites_has_no_gain():
+def test_a_mode_that_the_platform_does_not_excite_has_no_gain():
     free, stiff = (
         ChainModel(links=parse_links(TWO), stiffness_n_m_rad=(k,)).modes().gains for k in (0.0, 1e7)
     )
@@ -343,11 +343,12 @@ def test_links_are_read_from_text():
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "words"),
     [
         (
             "",
-            r"link = ''; must be length:mass:kind in m and kg, kind one of bar, point: e\.g\. 0\.5:3\.375:bar",
+            r"link = ''; must be length:mass:kind in m and kg, kind one of bar, point: "
+            r"e\.g\. 0\.5:3\.375:bar",
         ),
         ("0.5", r"link = '0\.5'; must be length:mass:kind"),
         ("0.5:1:bar,", "link = ''"),
@@ -360,8 +361,8 @@ def test_links_are_read_from_text():
         ("0.5:0:bar", r"mass_kg of a link = 0\.0"),
     ],
 )
-def test_links_that_make_no_sense_are_refused_by_name(text, told):
-    with pytest.raises(PlanError, match=told):
+def test_invalid_links_are_refused_by_name(text, words):
+    with pytest.raises(PlanError, match=words):
         parse_links(text)
 
 
@@ -377,7 +378,7 @@ def test_links_that_make_no_sense_are_refused_by_name(text, told):
         "cart_mass_kg",
     ],
 )
-def test_a_chain_that_makes_no_sense_is_refused_by_name(name, bad):
+def test_an_invalid_chain_is_refused_by_name(name, bad):
     value = (bad,) if name in JOINT else bad
     with pytest.raises(
         PlanError, match=rf"{name} = \(?{bad}.*; must be (>= 0 and < 1|[\d.e+-]+ to [\d.e+-]+): \w+"
@@ -389,7 +390,7 @@ def test_a_chain_that_makes_no_sense_is_refused_by_name(name, bad):
 @pytest.mark.parametrize(
     "name", ["length_m", "damping_ratio", "gravity_m_s2", "mass_kg", "cart_mass_kg"]
 )
-def test_a_pendulum_that_makes_no_sense_is_refused_by_name(name, bad):
+def test_an_invalid_pendulum_is_refused_by_name(name, bad):
     with pytest.raises(
         PlanError, match=rf"{name} = {bad}; must be (>= 0 and < 1|[\d.e+-]+ to [\d.e+-]+): \w+"
     ):
@@ -418,7 +419,7 @@ def test_unknown_names_are_answered_with_the_nearest():
 
 
 def simulated(space, t, inputs):
-    """States at the times t for inputs held between them: (N, n)."""
+    """Compute the states at the times t for inputs held between them: (N, n)."""
     from scipy.linalg import expm
 
     n, h = len(space.states), t[1] - t[0]
@@ -442,7 +443,7 @@ def simulated(space, t, inputs):
     ],
 )
 @pytest.mark.parametrize("states", ["angles", "all"])
-def test_the_further_states_are_the_slopes_of_the_response(model, name, h, input, states):
+def test_the_sensitivity_states_are_the_derivatives_of_the_response(model, name, h, input, states):
     t = np.linspace(0.0, 2.0, 81)
     u = np.sin(3.0 * t) + (t < 0.5)
     value, space = model.parameters[name], augmented(model, input, [name], states=states)
@@ -484,27 +485,30 @@ def test_a_parameter_at_zero_has_a_slope_too(name):
     ("model", "name"),
     [(PendulumModel(length_m=1.0), "length"), (TABLES, "length_2"), (MIXED, "mass_1")],
 )
-def test_the_angles_sensitivities_can_be_reached_and_the_positions_cannot(model, name, input):
-    assert check_reachable(augmented(model, input, [name]))
+def test_the_sensitivities_of_angles_are_controllable_and_those_of_positions_are_not(
+    model, name, input
+):
+    assert check_controllable(augmented(model, input, [name]))
     with pytest.raises(
         PlanError,
-        match=r"states are tied to others .*; must be 0 for .*: take the sensitivities of the angles alone",
+        match=r"states are uncontrollable .*; must be 0 for .*: "
+        r"take the sensitivities of the angles alone",
     ):
-        check_reachable(augmented(model, input, [name], states="all"))
-    deaf = (f"position_m_per_{name}", f"speed_m_s_per_{name}")
+        check_controllable(augmented(model, input, [name], states="all"))
+    expected = (f"position_m_per_{name}", f"speed_m_s_per_{name}")
     if input != "force":
-        assert unreachable(augmented(model, input, [name], states="all")) == deaf
-    assert not unreachable(model.state_space(input))
+        assert uncontrollable(augmented(model, input, [name], states="all")) == expected
+    assert not uncontrollable(model.state_space(input))
 
 
 @pytest.mark.parametrize(
     ("model", "names"),
     [(PendulumModel(length_m=1.0), ("length", "gravity")), (TABLES, ("length_1", "stiffness_1"))],
 )
-def test_a_second_parameter_asks_for_nothing_new(model, names):
+def test_a_second_parameter_adds_uncontrollable_sensitivities(model, names):
     space = augmented(model, "acceleration", names)
     assert len(space.states) == 2 + 6 * model.links_count
-    assert {state for state in unreachable(space) if "_per_" in state} == set(
+    assert {state for state in uncontrollable(space) if "_per_" in state} == set(
         space.states[2 + 2 * model.links_count :]
     )
     columns = [space.b]
@@ -514,16 +518,16 @@ def test_a_second_parameter_asks_for_nothing_new(model, names):
     assert np.linalg.matrix_rank(columns, tol=1e-9) == 2 + 4 * model.links_count
 
 
-def test_parameters_that_cannot_be_forgiven_are_refused_by_name():
+def test_parameters_without_effect_are_refused_by_name():
     model = PendulumModel(length_m=1.0)
     with pytest.raises(PlanError, match="parameter = 'lenght'; did you mean 'length'"):
         augmented(model, "acceleration", ["lenght"])
     for name in ("mass", "cart_mass"):
         with pytest.raises(
-            PlanError, match=f"parameter = '{name}' moves nothing under input = 'acceleration'"
+            PlanError, match=f"parameter = '{name}' has no effect under input = 'acceleration'"
         ):
             augmented(model, "acceleration", [name])
-        assert not unreachable(augmented(model, "force", [name]))
+        assert not uncontrollable(augmented(model, "force", [name]))
     with pytest.raises(
         PlanError, match=r"parameters = \('length', 'length'\); each must be there once"
     ):
@@ -531,7 +535,7 @@ def test_parameters_that_cannot_be_forgiven_are_refused_by_name():
 
 
 @pytest.mark.parametrize("zeta", [0.0, 0.9995])
-def test_a_parameter_at_the_edge_of_its_range_is_looked_at_from_inside(zeta):
+def test_a_parameter_at_the_edge_of_its_range_has_a_one_sided_derivative(zeta):
     model = PendulumModel(length_m=1.0, damping_ratio=zeta)
     space = augmented(model, "acceleration", ["damping_ratio"])
     np.testing.assert_allclose(space.a[5, 3], -2.0 * math.sqrt(9.81), rtol=1e-9)

@@ -25,7 +25,8 @@ from planners.trajectories.trajectory import Trajectory
 G = 9.81
 METRE = PendulumModel(length_m=1.0)
 
-# source 004, tables 3.1 and 3.2, exact values: T, theta max (linear), travel, v max, v rms, a max, a rms
+# Source 004, tables 3.1 and 3.2, exact values: T, theta max (linear), travel, v max, v rms,
+# a max, a rms.
 TABLE = [
     (2.0, 0.0408949, 0.2, 0.138180, 0.104893, 0.771330, 0.278575),
     (1.5, 0.0706171, 0.2, 0.281278, 0.175108, 2.818870, 1.003660),
@@ -51,7 +52,7 @@ def problem_of(distance_m=0.2, time_s=1.5, model=METRE, **more):
 
 
 def problem_for(name, **more):
-    """A problem with room for that planner."""
+    """Make a problem with enough time for that planner."""
     return problem_of(**({"time_s": 1.5 if name in (*CLOSED, "zv") else LONG_S} | more))
 
 
@@ -60,7 +61,10 @@ def amplitude(model, end):
 
 
 def swing_by_dop853(motion, model, *, nonlinear, start=(0.0, 0.0), axis=0):
-    """Largest |angle|, and angle and rate at the end, by scipy from theta'' = ..., restarted at every joint."""
+    """Compute the largest |angle|, and angle and rate at the end, by scipy.
+
+    From theta'' = ..., restarted at every joint.
+    """
     w2, damping = G / model.length_m, 2 * model.damping_ratio * math.sqrt(G / model.length_m)
     sin, cos = (math.sin, math.cos) if nonlinear else ((lambda x: x), (lambda x: 1.0))
     trajectory, peak, state = (motion.x, motion.y, motion.z)[axis], abs(start[0]), np.array(start)
@@ -114,7 +118,7 @@ def test_the_least_energy_move_ends_at_rest_with_damping_too(model, phase, dista
     assert made.metrics.residual_swing_rad <= 1e-9 * max(made.metrics.peak_swing_rad, 1e-6)
 
 
-def test_the_least_energy_move_costs_what_the_gramian_says():
+def test_the_energy_of_a_minimum_energy_move_follows_from_the_gramian():
     model = PendulumModel(length_m=0.7, damping_ratio=0.05)
     space, time_s = model.state_space(), 1.2
 
@@ -193,7 +197,7 @@ def test_a_zv_shaped_move_is_two_delayed_copies(time_s):
     np.testing.assert_allclose(made.at(t), 0.2 * (law(t) + k * law(t - half)) / (1 + k), atol=1e-14)
 
 
-def test_a_mistuned_zv_leaves_the_swing_its_definition_says():
+def test_a_mistuned_zv_leaves_the_swing_of_its_definition():
     made = plan("zv", problem_of(time_s=2.0))
     real = PendulumModel(length_m=0.9)
     _, end = swing_by_dop853(made.motion, real, nonlinear=False)
@@ -225,7 +229,7 @@ def test_the_replay_agrees_with_an_independent_nonlinear_pendulum(name, model):
 @pytest.mark.parametrize(
     ("time_s", "left"), [(2.0, 4.2e-5), (1.5, 3.7e-4), (1.1, 3.0e-3), (0.75, 0.032)]
 )
-def test_the_true_pendulum_keeps_the_published_residual(time_s, left):
+def test_the_nonlinear_pendulum_keeps_the_published_residual(time_s, left):
     assert plan(
         "matrix_exponential", problem_of(time_s=time_s)
     ).metrics.residual_swing_nonlinear_rad == pytest.approx(left, rel=0.02)
@@ -270,7 +274,7 @@ def test_a_move_goes_along_its_axis_only():
     np.testing.assert_array_equal(made.motion.at(0.7)[[0, 2]], [0.0, 0.0])
 
 
-def test_exceeded_limits_are_told_with_value_and_bound():
+def test_exceeded_limits_are_reported_with_value_and_bound():
     free = plan("zv", problem_of())
     assert (free.status, free.reasons) == (Status.OK, ())
     tight = plan(
@@ -291,7 +295,7 @@ def test_the_planner_alone_is_timed_by_the_clock_it_is_given():
     assert plan("zv", problem_of()).compute_s is None
 
 
-def test_the_state_space_is_the_slope_of_the_true_pendulum_at_rest():
+def test_the_state_space_linearises_the_nonlinear_pendulum_at_rest():
     model = PendulumModel(length_m=0.6, damping_ratio=0.07)
     space, h, w = model.state_space(), 1e-6, math.sqrt(G / 0.6)
     assert space.states == ("position_m", "speed_m_s", "angle_rad", "angular_velocity_rad_s")
@@ -309,7 +313,7 @@ def test_the_state_space_is_the_slope_of_the_true_pendulum_at_rest():
 
 
 @pytest.mark.parametrize(
-    ("bad", "told"),
+    ("bad", "words"),
     [
         ({"time_s": 0.0}, r"time_s = 0\.0; must be > 0"),
         ({"time_s": math.nan}, "time_s = nan"),
@@ -334,13 +338,13 @@ def test_the_state_space_is_the_slope_of_the_true_pendulum_at_rest():
         ({"goal_state": {"angle_rad": math.nan}}, "angle_rad in goal_state = nan"),
     ],
 )
-def test_a_problem_that_makes_no_sense_is_refused_by_name(bad, told):
-    with pytest.raises(PlanError, match=told):
+def test_an_invalid_problem_is_refused_by_name(bad, words):
+    with pytest.raises(PlanError, match=words):
         problem_of(**bad)
 
 
 @pytest.mark.parametrize(
-    ("bad", "told"),
+    ("bad", "words"),
     [
         ({"length_m": -0.2}, r"length_m = -0\.2; must be 0\.001 to"),
         ({"length_m": math.nan}, "length_m = nan"),
@@ -348,8 +352,8 @@ def test_a_problem_that_makes_no_sense_is_refused_by_name(bad, told):
         ({"length_m": 1.0, "gravity_m_s2": 0.0}, r"gravity_m_s2 = 0\.0"),
     ],
 )
-def test_a_model_that_makes_no_sense_is_refused_by_name(bad, told):
-    with pytest.raises(PlanError, match=told):
+def test_an_invalid_model_is_refused_by_name(bad, words):
+    with pytest.raises(PlanError, match=words):
         PendulumModel(**bad)
 
 
@@ -366,7 +370,7 @@ def test_other_mistakes_are_named():
 
 
 @pytest.mark.parametrize("name", CLOSED)
-def test_a_time_that_rounding_spoils_is_refused(name):
+def test_a_time_too_short_for_rounding_is_refused(name):
     with pytest.raises(
         PlanError, match=f"{name} misses the end by .* m in time_s = 0.03; must be within 1e-09 of"
     ):
@@ -374,7 +378,7 @@ def test_a_time_that_rounding_spoils_is_refused(name):
 
 
 @pytest.mark.parametrize("time_s", [1e-300, 1e-9, 1e-3])
-def test_a_time_in_which_no_load_goes_anywhere_is_refused(time_s):
+def test_a_time_far_below_a_modal_period_is_refused(time_s):
     with pytest.raises(
         PlanError, match=r"periods of the load; must be >= 0\.01: give it more time"
     ):
@@ -409,5 +413,8 @@ def test_a_long_time_with_heavy_damping_does_not_overflow(name):
 
 
 def test_a_planner_starts_without_scipy():
-    code = "import sys, planners.catalog; sys.exit(any(name.startswith('scipy') for name in sys.modules))"
+    code = (
+        "import sys, planners.catalog; "
+        "sys.exit(any(name.startswith('scipy') for name in sys.modules))"
+    )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -1,4 +1,4 @@
-"""Replays of the nonlinear load against scipy on an independent Lagrangian, MuJoCo, energy and impulses."""
+"""Replays of the nonlinear load against an independent Lagrangian, MuJoCo, energy, impulses."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def split(piece, count):
 
 
 def general(model, trajectory, angles=None):
-    """Any model by the way of several links."""
+    """Replay any model with the integrator for several links."""
     angles = np.zeros(model.links_count) if angles is None else np.array(angles)
     momenta = _momenta(model.equations, angles, np.zeros_like(angles), 0.0)
     *_, last = play_several_links(model.equations, trajectory, angles, momenta)
@@ -68,8 +68,18 @@ WAVE = ExpPolynomial(
     (0.0, 0.1),
     (ModalTerm(complex(-0.5, 9.0), (0.03 + 0.01j,)), ModalTerm(-40.0 + 0j, (0.01 + 0j,))),
 )
-RAMP = Smooth(0.8, lambda t, order: 0.1 * (np.tanh(4 * t - 1.5), 4 / np.cosh(4 * t - 1.5) ** 2)[order] if order < 2
-              else -3.2 * np.tanh(4 * t - 1.5) / np.cosh(4 * t - 1.5) ** 2, 2)  # fmt: skip
+
+
+def ramp(t, order):
+    u = 4 * t - 1.5
+    if order == 0:
+        return 0.1 * np.tanh(u)
+    if order == 1:
+        return 0.1 * (4 / np.cosh(u) ** 2)
+    return -3.2 * np.tanh(u) / np.cosh(u) ** 2
+
+
+RAMP = Smooth(0.8, ramp, 2)
 
 
 @pytest.mark.parametrize(
@@ -172,7 +182,7 @@ def test_a_chain_of_one_point_swings_like_the_pendulum(model, alike):
     start=st.floats(-0.5, 0.5),
     count=st.sampled_from([1, 3, 60]),
 )
-def test_one_link_in_plain_floats_agrees_with_the_way_of_several(
+def test_one_link_in_plain_floats_agrees_with_the_integrator_for_several(
     length, zeta, distance, time_s, start, count
 ):
     model, run = (
@@ -214,7 +224,7 @@ def test_a_bent_path_peaks_between_its_steps():
 
 
 @pytest.mark.parametrize(
-    ("bad", "told"),
+    ("bad", "words"),
     [
         (
             {"angles_rad": [0.1]},
@@ -227,27 +237,27 @@ def test_a_bent_path_peaks_between_its_steps():
         ({"angles_rad": [0.0, 0.0, 0.0]}, "must be 2 finite numbers"),
         (
             {"rates_rad_s": [1e9, -1e9]},
-            r"the load at 0 s asks for steps of .* s; must be >= .* s: check the start",
+            r"the load at 0 s requires steps of .* s; must be >= .* s: check the start",
         ),
     ],
 )
-def test_a_start_that_makes_no_sense_is_refused_by_name(bad, told):
-    with pytest.raises(PlanError, match=told):
+def test_an_invalid_start_is_refused_by_name(bad, words):
+    with pytest.raises(PlanError, match=words):
         replay(TWO, Trajectory((quintic(0.2, 2.0),)), **bad)
 
 
-def test_a_load_that_is_thrown_too_fast_to_follow_is_refused():
+def test_a_load_that_rotates_too_fast_is_refused():
     run = Trajectory((quintic(1e6, 0.1),))
     with pytest.raises(
         PlanError,
-        match=r"the load spins away in the piece that begins at 0 s, at a speed of .* m/s",
+        match=r"the load rotates too fast in the piece that begins at 0 s, at a speed of .* m/s",
     ):
         replay(METRE, run)
-    with pytest.raises(PlanError, match="asks for steps of"):
+    with pytest.raises(PlanError, match="requires steps of"):
         replay(TWO, run)
 
 
-def test_a_load_that_tumbles_is_still_followed():
+def test_a_load_that_tumbles_is_replayed():
     start = (2.8, 3.0, 6.0, -4.0)
     run = Trajectory((quintic(0.5, 0.5),))
     _, end = truth_of(TWO).play(run, start)
@@ -256,24 +266,30 @@ def test_a_load_that_tumbles_is_still_followed():
 
 
 def mjcf_of(model):
-    """The chain under a slide along x, hinges about -y: positive is ahead; a bar is a body with its own inertia."""
+    """Write the chain as MJCF: a slide along x, hinges about -y so that positive is ahead.
+
+    A bar is a body with its own inertia.
+    """
     open_, close = "", ""
     for i, link in enumerate(model.links):
         drop = model.links[i - 1].length_m if i else 0.0
-        joint = (
-            (model.stiffness_n_m_rad[i - 1], model.joint_damping_n_m_s_rad[i - 1])
-            if i
-            else (0.0, 0.0)
-        )
+        stiffness = model.stiffness_n_m_rad[i - 1] if i else 0.0
+        damping = model.joint_damping_n_m_s_rad[i - 1] if i else 0.0
         middle = link.length_m / 2 if link.kind == "bar" else link.length_m
         inertia = link.mass_kg * link.length_m**2 / 12 if link.kind == "bar" else 1e-9
         open_ += (
-            f'<body pos="0 0 {-drop}"><joint type="hinge" axis="0 -1 0" stiffness="{joint[0]}" damping="{joint[1]}"/>'
-            f'<inertial pos="0 0 {-middle}" mass="{link.mass_kg}" diaginertia="{inertia} {inertia} {inertia}"/>'
+            f'<body pos="0 0 {-drop}">'
+            f'<joint type="hinge" axis="0 -1 0" stiffness="{stiffness}" damping="{damping}"/>'
+            f'<inertial pos="0 0 {-middle}" mass="{link.mass_kg}" '
+            f'diaginertia="{inertia} {inertia} {inertia}"/>'
         )
         close += "</body>"
-    tip = f'<body pos="0 0 {-model.links[-1].length_m}"><inertial pos="0 0 0" mass="{model.tip_mass_kg}" '
-    tip = f'{tip} diaginertia="1e-9 1e-9 1e-9"/></body>' if model.tip_mass_kg else ""
+    tip = ""
+    if model.tip_mass_kg:
+        tip = (
+            f'<body pos="0 0 {-model.links[-1].length_m}"><inertial pos="0 0 0" '
+            f'mass="{model.tip_mass_kg}"  diaginertia="1e-9 1e-9 1e-9"/></body>'
+        )
     return (
         '<mujoco><option timestep="0.0005" integrator="RK4" gravity="0 0 -9.81"/><worldbody><body>'
         '<joint type="slide" axis="1 0 0"/><inertial pos="0 0 0" mass="1e7" diaginertia="1 1 1"/>'
@@ -289,9 +305,8 @@ def test_a_replay_agrees_with_mujoco(model):
     piece, start = quintic(0.5, time_s), np.array([0.3, -0.4, 0.5])[:n]
     data.qpos[1:] = np.diff(start, prepend=0.0)
 
-    def push(
-        _, data
-    ):  # a cart of ten thousand tonnes goes where its force says, whatever the load does
+    def push(_, data):
+        # The load does not affect a cart of ten thousand tonnes.
         data.qfrc_applied[0] = 1e7 * float(piece.at(np.asarray(data.time), 2))
 
     mujoco.set_mjcb_control(push)

@@ -1,4 +1,4 @@
-"""Residual swing over a wrong parameter: against recomputed figures of source 004, scipy, the replay, and what must hold."""
+"""Sensitivity curves against recomputed figures of source 004, scipy, replays and properties."""
 
 from __future__ import annotations
 
@@ -53,8 +53,9 @@ KINDS = {
     "zvd": ("zvd", {}),
 }
 
-# Residual amplitude [rad] of the plans of source 004, section 3 (l = 1 m, 0.2 m), recomputed apart from this project: to 6
-# digits, and shapers from samples every 0.5 ms, which leaves errors up to SAMPLED_RAD (their closed form has a test below)
+# Residual amplitude [rad] of the plans of source 004, section 3 (l = 1 m, 0.2 m), recomputed apart
+# from this project: to 6 digits, and shapers from samples every 0.5 ms, which leaves errors up to
+# SAMPLED_RAD (their closed form has a test below).
 SAMPLED_RAD, SAMPLED_BARS_RAD = 4e-6, 3.1e-5
 LENGTHS_M = (0.7, 0.8, 0.9, 0.95, 1.05, 1.1, 1.2, 1.3)
 PENDULUM = {
@@ -230,7 +231,8 @@ PENDULUM = {
     ),
 }
 
-# Largest |angle| [rad] of the lower bar in the 8 s after the move, for the plans of section 4, recomputed as above
+# Largest |angle| [rad] of the lower bar in the 8 s after the move, for the plans of section 4,
+# recomputed as above.
 BAR_LENGTHS_M = (0.35, 0.4, 0.475, 0.525, 0.6, 0.65)
 TWO_BARS = {
     ("simple", 2.5, "length_1"): (
@@ -413,10 +415,17 @@ def test_a_cable_shortened_by_6_and_18_cm_leaves_what_was_predicted_for_the_expe
 
 @pytest.mark.parametrize(
     ("kind", "time_s", "left"),
-    [("simple", 2.0, 4.2e-5), ("simple", 1.5, 3.69e-4), ("simple", 1.1, 2.974e-3), ("simple", 0.75, 0.03211),
-     ("robust", 2.5, 9.5e-6), ("robust", 2.0, 7.2e-5), ("robust", 1.5, 1.219e-3)],
-)  # fmt: skip
-def test_the_nonlinear_pendulum_keeps_the_recomputed_swing_even_when_nothing_is_wrong(
+    [
+        ("simple", 2.0, 4.2e-5),
+        ("simple", 1.5, 3.69e-4),
+        ("simple", 1.1, 2.974e-3),
+        ("simple", 0.75, 0.03211),
+        ("robust", 2.5, 9.5e-6),
+        ("robust", 2.0, 7.2e-5),
+        ("robust", 1.5, 1.219e-3),
+    ],
+)
+def test_the_nonlinear_pendulum_keeps_the_recomputed_swing_without_parameter_error(
     kind, time_s, left
 ):
     move = planned(kind, time_s)
@@ -434,7 +443,10 @@ def test_the_nonlinear_pendulum_keeps_the_recomputed_swing_even_when_nothing_is_
 )
 @settings(max_examples=30)
 def test_a_shaped_harmonic_law_leaves_its_closed_form(length, order, delay, law):
-    """|cos(w delay / 2)| for every pair of impulses, times the law's own D p^2 |cos(w t / 2)| / (l |p^2 - w^2|), p = pi / t."""
+    """|cos(w delay / 2)| for every pair of impulses, times the residual swing of the law itself.
+
+    The latter is D p^2 |cos(w t / 2)| / (l |p^2 - w^2|), p = pi / t.
+    """
     move = shaped_by_hand(
         [math.comb(order, k) for k in range(order + 1)], delay, order * delay + law
     )
@@ -476,7 +488,10 @@ def test_three_random_pendulums_end_as_scipy_ends_them(kind, nonlinear):
 
 
 def two_bars_by_lagrange(l1, l2, move):
-    """Angles and rates at the end for two bars, from the kinetic energy of their centres (source 004, 4.1.1 to 4.1.5)."""
+    """Compute angles and rates at the end for two bars.
+
+    From the kinetic energy of their centres (source 004, 4.1.1 to 4.1.5).
+    """
     m1, m2, k, c, g = 6.75 * l1, 6.75 * l2, 10.0, 2.214e-4, 9.81
     (piece,) = move.pieces
 
@@ -579,7 +594,7 @@ def test_a_motion_that_begins_late_in_a_smooth_piece_is_not_passed_over():
     ("model", "names"),
     [(METRE, ("length", "gravity")), (BARS, ("length_1", "length_2", "stiffness_1", "gravity"))],
 )
-def test_a_robust_plan_forgives_in_the_second_order_what_a_simple_one_shows_in_the_first(
+def test_residual_swing_is_of_second_order_for_robust_plans_and_of_first_for_simple_ones(
     model, names
 ):
     for name in names:
@@ -635,7 +650,7 @@ def test_stiffness_counts_a_fifth_to_a_quarter_of_a_length_and_damping_next_to_n
     assert np.all(damping < 2e-4 * length)
 
 
-def test_what_the_platform_hides_leaves_nothing():
+def test_parameters_without_effect_under_a_driven_platform_leave_no_swing():
     for model, name in ((METRE, "mass"), (METRE, "cart_mass"), (BARS, "cart_mass")):
         values = model.parameters[name] * np.array([0.5, 1.0, 2.0])
         assert residual_curve(model, planned("simple", 2.0, model), name, values).max() < 1e-9
@@ -672,8 +687,8 @@ def test_peaks_are_those_of_a_hundred_thousand_samples(window, length):
     assert ours == pytest.approx(dense, rel=2e-6, abs=1e-12)
 
 
-class OneReached(PendulumModel):
-    """A pendulum, and beside it a second link on a spring that the platform does not touch."""
+class OneControllable(PendulumModel):
+    """Pendulum, and beside it a second link on a spring that the platform does not drive."""
 
     @property
     def equations(self):
@@ -690,9 +705,9 @@ class OneReached(PendulumModel):
         return 2
 
 
-def test_a_mode_that_the_platform_does_not_reach_stays_at_rest():
+def test_a_mode_that_the_platform_does_not_drive_stays_at_rest():
     move = planned("zv", 1.5)
-    two = residual_peaks(OneReached(length_m=1.0), move, "gravity", (8.0, 10.0))
+    two = residual_peaks(OneControllable(length_m=1.0), move, "gravity", (8.0, 10.0))
     assert np.all(two[:, 1] == 0.0)
     assert two[:, 0] == pytest.approx(
         residual_peaks(METRE, move, "gravity", (8.0, 10.0))[:, 0], rel=1e-9
@@ -712,7 +727,7 @@ def test_swing_does_not_depend_on_the_scale_of_the_masses():
 
 
 def test_a_mode_too_fast_to_follow_is_refused():
-    with pytest.raises(PlanError, match=r"rad in .* s; must be <= 10000: leave it out"):
+    with pytest.raises(PlanError, match=r"rad in .* s; must be <= 10000: leave this load out"):
         residual_curve(BARS, planned("simple", 1.5), "stiffness_1", (1e8,))
 
 
@@ -743,11 +758,15 @@ def test_every_parameter_of_a_long_chain_can_be_wrong():
         ("length", ((1.0, 2.0),), "values of length have shape (1, 2); must be one row"),
         ("length", (1.0, math.nan), "nan among the values of length; must be finite: leave it out"),
         ("length", (1.0, math.inf), "inf among the values of length; must be finite"),
-        ("length", (1.0, -0.5), "length = -0.5 makes no load: length_m = -0.5; must be 0.001 to"),
-        ("damping_ratio", (1.0,), "damping_ratio = 1 makes no load"),
+        (
+            "length",
+            (1.0, -0.5),
+            "length = -0.5 gives no valid load: length_m = -0.5; must be 0.001 to",
+        ),
+        ("damping_ratio", (1.0,), "damping_ratio = 1 gives no valid load"),
     ],
 )
-def test_what_is_no_curve_is_refused_by_value_bound_and_next_step(name, values, words):
+def test_invalid_values_are_refused_by_value_bound_and_next_step(name, values, words):
     for curve in (residual_curve, residual_peaks):
         with pytest.raises(
             PlanError,
@@ -761,14 +780,15 @@ def test_what_is_no_curve_is_refused_by_value_bound_and_next_step(name, values, 
 @pytest.mark.parametrize(
     ("loads", "words"), [((), "0 loads of [] links"), ((METRE, BARS), "2 loads of [1, 2] links")]
 )
-def test_loads_that_cannot_be_swung_together_are_refused(loads, words):
+def test_loads_with_different_numbers_of_links_are_refused(loads, words):
     with pytest.raises(
-        PlanError, match=re.escape(f"{words}; must be at least 1 and all of as many")
+        PlanError,
+        match=re.escape(f"{words}; must be at least 1, all with the same number of links"),
     ):
         residual_amplitudes(loads, planned("simple", 2.0))
 
 
-def test_a_speed_at_which_no_load_can_be_followed_is_refused():
+def test_a_speed_too_large_for_the_integration_is_refused():
     move = Trajectory((polynomial(1.0, (0.0, 1e160)),))
     for model, name in ((METRE, "length"), (BARS, "length_1")):
         with pytest.raises(
@@ -778,7 +798,7 @@ def test_a_speed_at_which_no_load_can_be_followed_is_refused():
             residual_curve(model, move, name, (1.0,), nonlinear=True)
 
 
-def test_a_window_that_is_none_is_refused():
+def test_an_invalid_window_is_refused():
     for window in (0.0, math.nan, math.inf):
         with pytest.raises(
             PlanError, match=r"window_s = .* after the move; must be > 0 and finite"
@@ -836,7 +856,7 @@ def test_the_figure_has_a_row_for_each_family_and_both_curves_of_each_plan(docum
     assert (pendulum_zvd[0].get_linestyle(), pendulum_zvd[1].get_linestyle()) == ("-", "--")
 
 
-def test_the_figure_names_the_plans_that_leave_it_with_nothing_wrong(document):
+def test_the_figure_names_the_plans_that_leave_it_without_parameter_error(document):
     title = sensitivity.sheet(document).get_suptitle()
     assert title.endswith(
         "two bars robust 1.5 s leaves 94 mrad, two bars robust jerk 1.5 s leaves 141 mrad."

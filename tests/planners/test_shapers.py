@@ -336,7 +336,7 @@ def test_coinciding_impulses_are_one():
 
 
 def test_the_double_pendulum_takes_the_published_time():
-    rates = DOUBLE.swing_rates_1_s
+    rates = DOUBLE.oscillatory_eigenvalues_1_s
     assert [math.pi / rate.imag for rate in rates] == pytest.approx([0.822425, 0.192744], abs=6e-7)
     assert convolve(*map(zv, rates)).times_s[-1] == pytest.approx(1.01517, abs=6e-6)
     assert convolve(*map(zvd, rates)).times_s[-1] == pytest.approx(2.03034, abs=6e-6)
@@ -411,12 +411,14 @@ def test_the_joint_shaper_of_one_mode_is_its_zv():
 @pytest.mark.parametrize("model", [METRE, PendulumModel(length_m=0.4, damping_ratio=0.05), DOUBLE])
 @pytest.mark.parametrize("name", SHAPED)
 def test_a_shaped_move_is_done_in_time_and_leaves_what_its_shaper_says(name, model):
-    time_s = 3.2 * max(convolve(*(SHAPERS["zvd"](rate) for rate in model.swing_rates_1_s)).times_s)
+    time_s = 3.2 * max(
+        convolve(*(SHAPERS["zvd"](rate) for rate in model.oscillatory_eigenvalues_1_s)).times_s
+    )
     moved = plan_shaped(name, problem_of(0.3, time_s, model, start_m=-0.1))
     assert moved.duration_s == pytest.approx(time_s, rel=1e-12)
     assert moved.at([0.0, time_s]) == pytest.approx([-0.1, 0.2], abs=1e-12)
     share = 0.05 if HUMPS.get(name, 0) % 2 else 0.0
-    for rate in model.swing_rates_1_s:
+    for rate in model.oscillatory_eigenvalues_1_s:
         assert swing(moved, rate) <= share * 2 * moved.peak(1).value + 1e-11
 
 

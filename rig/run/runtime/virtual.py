@@ -178,7 +178,7 @@ class VirtualRunner:
         self._recorder.record(Receipts(channel=channel, rows=link.receipts), self.t_ns)
         link.receipts = []
 
-    def _merge_counts(self) -> dict[str, LinkCount]:
+    def _settle(self) -> dict[str, LinkCount]:
         for name, link in self._links.items():
             if link.receipts:
                 self._flush(name, link)

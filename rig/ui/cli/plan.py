@@ -15,7 +15,7 @@ from comms.clock import stopwatch_s
 from planners import catalog
 from planners.laws import LAWS
 from planners.models.chain import ChainModel
-from planners.models.model import INPUTS, LAG_S, cart_of
+from planners.models.model import INPUTS, LAG_S, cart_for_input
 from planners.problem import Limits, Plan, Problem
 from rig.errors import REFUSED, ConfigError
 from rig.run.config import LimitsSection, ModelSection
@@ -211,7 +211,7 @@ def _document(made: Plan) -> dict[str, object]:
 
 def _table(made: Plan) -> Table:
     p, m = made.problem, made.metrics
-    n, cart = p.model.links_count, cart_of(p.input)
+    n, cart = p.model.links_count, cart_for_input(p.input)
     load = (
         f"{n} links"
         if isinstance(p.model, ChainModel)
