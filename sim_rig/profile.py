@@ -43,7 +43,10 @@ class StripTable(NamedTuple):
 
 
 def half_width_px(camera: CameraParams, cos_tilt: float) -> int:
-    """Compute half the profile width of a cable tilted by acos(cos_tilt) [px]; it is 0 beyond."""
+    """Compute half the width of the profile [px], for a cable tilted by acos(cos_tilt).
+
+    The darkness is 0 beyond.
+    """
     return math.ceil(_edge_px(camera) / cos_tilt)
 
 
