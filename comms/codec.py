@@ -80,7 +80,7 @@ _CHANNELS = {name: _compile(name) for name, row in CHANNELS.items() if row.messa
 
 
 def length(channel: str) -> int:
-    """Length of a datagram of a channel [bytes]; without the pixels of a frame."""
+    """Return the length of a datagram of a channel [bytes]; without the pixels of a frame."""
     return _CHANNELS[channel].size
 
 

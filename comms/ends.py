@@ -19,7 +19,7 @@ CLOSING_COPIES = 3  # of the closing datagram, which may be lost
 
 
 class Wiring(msgspec.Struct, frozen=True, kw_only=True):
-    """Addresses, ports and link faults of a task; the operator writes it to standard input."""
+    """Addresses, ports and link faults of a task, sent by the operator on standard input."""
 
     session: int
     seed: int

@@ -39,7 +39,7 @@ class LinkModel:
         self._key = _mix(_mix(seed & _MASK) ^ channel_id)
 
     def delay_ns(self, seq: int) -> int | None:
-        """Delay of packet seq [ns], or None if the packet is lost.
+        """Compute the delay of packet seq [ns], or None if the packet is lost.
 
         Packet n is lost if u(seed, link, k) < p for any k in (n - burst, n], with
         p = 1 - (1 - loss)^(1/burst).

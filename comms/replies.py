@@ -24,7 +24,7 @@ class Replies:
         return self._send(order.id, False, phase, t_ns, text, exit)
 
     def tell(self, phase: Phase, t_ns: int, text: str) -> Send:
-        """Send a notice without consequence."""
+        """Create a notice without consequence."""
         return self._send(0, True, phase, t_ns, text, None)
 
     def give_up(self, phase: Phase, t_ns: int, text: str, exit: int) -> Send:

@@ -133,7 +133,7 @@ class ElasticJoint:
             )
 
     def _pulses_n_m(self) -> tuple[float, float]:
-        """Disturbance torques now, on motor and load, both referred to the motor."""
+        """Sum the present disturbance torques on motor and load, both referred to the motor."""
         acting = [pulse for pulse in self.params.disturbances if self._is_acting(pulse)]
         motor_n_m = sum(pulse.motor_n_m for pulse in acting)
         load_n_m = sum(pulse.load_n_m for pulse in acting)
@@ -146,7 +146,7 @@ class ElasticJoint:
 
     @property
     def _time_tolerance_s(self) -> float:
-        """Rounding error of an edge and of the sum of the samples; an edge closer is now."""
+        """Rounding error of a pulse edge and of the sample sum [s]; closer edges are now."""
         return 4.0 * math.ulp(self._t_s)
 
     def _until_s(self, instant_s: float) -> float:

@@ -70,7 +70,7 @@ class JointMotion:
         return self.speed_rad_s - self.twist_speed_rad_s
 
     def load_acceleration_rad_s2(self, load_n_m: float) -> float:
-        """Acceleration x'' of the load under a load torque, both referred to the motor."""
+        """Compute the acceleration x'' of the load under a load torque, referred to the motor."""
         return (
             load_n_m + self._spring_n_m() - self._load_friction * self.load_speed_rad_s
         ) / self._load_inertia
@@ -147,7 +147,7 @@ class JointMotion:
         return Terms(angle, speed, twist, twist_speed, size, valid)
 
     def _ripple_n_m(self) -> tuple[float, float]:
-        """Torque of the ripple and its quadrature: A sin and A cos of (c q + phase)."""
+        """Compute the ripple torque and its quadrature: A sin and A cos of (c q + phase)."""
         joint = self._joint
         phase = joint.torque_ripple_cycles_per_rev * self.angle_rad + joint.torque_ripple_phase_rad
         amplitude = joint.torque_ripple_n_m
@@ -160,7 +160,7 @@ class JointMotion:
         )
 
     def _breakaway_n_m(self, motor_n_m: float) -> float:
-        """Breakaway torque: the friction and the rounding of the torques compared with it."""
+        """Compute the breakaway torque: friction plus rounding of the torques compared with it."""
         joint = self._joint
         friction_n_m = joint.coulomb_torque_n_m
         twist_n_m = joint.stiffness_n_m_rad * abs(self.twist_rad)
@@ -181,7 +181,10 @@ class JointMotion:
         return min((terms.valid * part for part in found if part is not None), default=None)
 
     def _breakaway_margins(self, terms: Terms, motor_n_m: float) -> list[list[float]]:
-        """Taylor terms of breakaway torque minus torque on the stuck motor, in both directions."""
+        """Compute breakaway torque minus torque on the stuck motor, in both directions.
+
+        Returns the Taylor terms of the two margins.
+        """
         joint = self._joint
         torque = [
             -joint.stiffness_n_m_rad * d - joint.elastic_damping_n_m_s_rad * v

@@ -115,7 +115,7 @@ class Joint(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
         return sum(self._rates_rad_s().values())
 
     def _rates_rad_s(self) -> dict[str, float]:
-        """Rates by the key that causes them: resonance, ripple frequency, three decay rates."""
+        """Compute resonance, ripple frequency and three decay rates, by the key causing each."""
         mobility = 1.0 / self.motor_inertia_kg_m2 + 1.0 / self.reflected_inertia_kg_m2
         ripple_n_m_rad = self.torque_ripple_n_m * self.torque_ripple_cycles_per_rev
         return {
@@ -145,7 +145,7 @@ def _check_fields(struct: DisturbancePulse | Joint) -> None:
 
 
 def _advice(kind: object) -> str:
-    """Next step for a wrong value of a type: the description of its Meta."""
+    """Return the next step for a wrong value of a type: the description of its Meta."""
     for meta in getattr(kind, "__metadata__", ()):
         if meta.description:
             return str(meta.description)

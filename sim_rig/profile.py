@@ -43,7 +43,10 @@ class StripTable(NamedTuple):
 
 
 def half_width_px(camera: CameraParams, cos_tilt: float) -> int:
-    """Half the width of the profile of a cable tilted by acos(cos_tilt) [px]; darkness 0 beyond."""
+    """Compute half the width of the profile [px], for a cable tilted by acos(cos_tilt).
+
+    The darkness is 0 beyond.
+    """
     return math.ceil(_edge_px(camera) / cos_tilt)
 
 
@@ -77,7 +80,7 @@ def _integral(camera: CameraParams) -> tuple[NDArray[np.float64], NDArray[np.flo
 
 
 def _normal_integral(z: float) -> float:
-    """Integral of the normal distribution function: G(z) = z Phi(z) + phi(z)."""
+    """Compute the integral of the normal distribution function, G(z) = z Phi(z) + phi(z)."""
     density = math.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi)
     return 0.5 * z * math.erfc(-z / math.sqrt(2.0)) + density
 

@@ -169,7 +169,7 @@ class VisionTask:
         return self._offsets.at(x_m) if self._offsets else Offset(0.0, within=True)
 
     def _readout_delay_ns(self, frame: Frame) -> int:
-        """Delay of the angle after the exposure of row 0, for a rolling shutter [ns].
+        """Compute the delay of the angle after the exposure of row 0, for a rolling shutter [ns].
 
         row_ns (height - pivot row), to first order.
         """
