@@ -1,4 +1,4 @@
-"""Straight lines between via points with parabolic blends that miss the points by known errors."""
+"""Straight lines between via points with parabolic blends, which pass the points at an error."""
 
 from __future__ import annotations
 

@@ -331,7 +331,7 @@ def test_a_motion_is_drawn_and_told_as_a_table(rig, points, tmp_path):
         (("0,0", "1,1", "2,1"), (), ("points.csv", "'0'")),
         (("x_m", "0"), (), ("points.csv", ">= 2")),
         (("x_m", "0", "1"), (), ("--time", "--vmax")),
-        (("x_m", "0", "1", "1"), ("--time", 1), ("points 1 and 2", "drop")),
+        (("x_m", "0", "1", "1"), ("--time", 1), ("points 1 and 2", "remove")),
         (("t_s,x_m", "0,0", "1,1"), ("--time", 2), ("--retime",)),
         (("x_m", "0", "1", "2"), ("--kind", "blends", "--time", 2), ("--amax",)),
         (("x_m", "0", "1", "2"), ("--kind", "cubik", "--time", 2), ("did you mean 'cubic'",)),
