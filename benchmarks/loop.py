@@ -84,7 +84,7 @@ def loop(job: Job, timed: bool) -> tuple[float, dict[str, float]]:
     e = job.experiment
     with tempfile.TemporaryDirectory() as folder:
         recorder = (TimedRecorder if timed else Recorder)(
-            Path(folder) / "run.mcap", {}, job.attachments()
+            Path(folder) / "run.mcap", {}, job.attachments(), 0
         )
         runner = VirtualRunner(
             tasks=watched or tasks,

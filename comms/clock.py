@@ -32,6 +32,11 @@ def new_run_clock() -> MonotonicClock:
     return MonotonicClock(time.monotonic_ns())
 
 
+def epoch_now_ns() -> int:
+    """Wall-clock time [ns since 1970], for the stamps of the log."""
+    return time.time_ns()
+
+
 def utc_now() -> datetime:
     """Return the wall time, for names and metadata only."""
     return datetime.now(UTC)

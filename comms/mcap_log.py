@@ -34,35 +34,44 @@ DAMAGE_ERRORS = (
     struct.error,
     zstandard.ZstdError,
 )
+EPOCH_KEY = "epoch_ns"  # in run.start: wall-clock time of run time 0
 SCHEMA_NAMES: dict[type, str] = {CompressedImage: "foxglove.CompressedImage"}
 
 
 class LogWriter:
-    """Writer of the log; the start metadata is on disk before the first message."""
+    """Writer of the log; the start metadata is on disk before the first message.
 
-    def __init__(self, path: Path, start: dict[str, str]) -> None:
+    Every chunk has its message index (12 % of the bytes): common readers need it.
+    """
+
+    def __init__(self, path: Path, start: dict[str, str], epoch_ns: int) -> None:
+        """epoch_ns: wall-clock time of run time 0 [ns since 1970]; added to every stamp of a record."""
         self._stream: BinaryIO = path.open("wb")
-        # no message index: it takes more space than the messages
-        index = IndexType.ATTACHMENT | IndexType.CHUNK | IndexType.METADATA
         self._writer = Writer(
-            self._stream, CHUNK_BYTES, CompressionType.ZSTD, index, enable_data_crcs=True
+            self._stream, CHUNK_BYTES, CompressionType.ZSTD, IndexType.ALL, enable_data_crcs=True
         )
+        self._epoch_ns = epoch_ns
         self._writer.start(profile="swayless", library="swayless")
         self._channels: dict[str, int] = {}
         self._schemas: dict[type, int] = {}
         self._encode = msgspec.json.Encoder().encode
-        self.metadata("run.start", start)
+        self.metadata("run.start", start | {EPOCH_KEY: str(epoch_ns)})
 
     def write(
         self, topic: str, record: msgspec.Struct, publish_ns: int, log_ns: int, seq: int = 0
     ) -> None:
-        """Append a message; publish_ns: time stamp of the sender, log_ns: of the recorder."""
+        """Append a message; publish_ns: time stamp of the sender, log_ns: of the recorder.
+
+        Both are run time. A message that is sent later than it is logged is published when logged.
+        """
         channel = self._channels.get(topic) or self._register(topic, type(record))
-        self._writer.add_message(channel, log_ns, self._encode(record), publish_ns, seq)
+        logged_ns = self._epoch_ns + log_ns
+        published_ns = self._epoch_ns + min(publish_ns, log_ns)
+        self._writer.add_message(channel, logged_ns, self._encode(record), published_ns, seq)
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
-        """Attach a file to the log."""
-        self._writer.add_attachment(0, 0, name, media_type, data)
+        """Attach a file to the log, stamped with run time 0."""
+        self._writer.add_attachment(self._epoch_ns, self._epoch_ns, name, media_type, data)
 
     def metadata(self, name: str, values: dict[str, str]) -> None:
         """Write a named map of strings, and flush it to disk."""
@@ -104,7 +113,7 @@ def json_schema(kind: type) -> bytes:
 
 
 class Entry(NamedTuple):
-    """Logged message, not decoded."""
+    """Logged message, not decoded; its stamps are run time."""
 
     log_ns: int
     publish_ns: int
@@ -138,6 +147,7 @@ def read_log(path: Path) -> Log:
         raise LogError(f"{path}: {error.strerror}; name a run folder or its run.mcap") from error
     log = Log(path, {}, {}, {}, False, "")
     damage = _read_records(data, log)
+    _subtract_epoch(log)
     if "run.start" not in log.metadata:
         raise LogError(
             f"{path}: MCAP file without 'run.start'; need the log of a run, not cut before its "
@@ -146,6 +156,19 @@ def read_log(path: Path) -> Log:
     if not damage and "run.stop" not in log.metadata:
         damage = "ends before 'run.stop'"
     return log._replace(complete=not damage, damage=damage)
+
+
+def _subtract_epoch(log: Log) -> None:
+    """Turn wall-clock stamps into run time; logs of older builds have run time already."""
+    text = log.metadata.get("run.start", {}).get(EPOCH_KEY, "0")
+    epoch_ns = int(text) if text.isdecimal() else 0
+    if not epoch_ns:
+        return
+    for topic, entries in log.topics.items():
+        log.topics[topic] = [
+            Entry(entry.log_ns - epoch_ns, entry.publish_ns - epoch_ns, entry.data)
+            for entry in entries
+        ]
 
 
 def _read_records(data: bytes, log: Log) -> str:

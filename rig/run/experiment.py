@@ -37,14 +37,18 @@ def run(
     progress: Progress,
     before: Callable[[Job, Plan | None], None],
     motion: Motion | None = None,
+    command: str = "",
 ) -> FinishedRun:
     """Plan, check, show, run and record; `before` is called with the job before anything moves.
+
+    motion replaces the plan's. command is the command line that repeats the run, for the log.
 
     Raises ConfigError or Refused when the run must not start; the folder exists only once it may.
     """
     plan = plan_move(experiment, stopwatch_s)  # model of the load -> motion
     # checks of limits, workspace and envelope; settings of each task
     job = prepare(experiment, plan, bench.plant(experiment), motion)
+    job = msgspec.structs.replace(job, command=command)
     before(job, plan)
     folder = runs.new_folder(runs_folder, experiment.experiment.name, mode, utc_now())
     outcome = execute(job, mode, folder, progress)  # streamer, controller, bench, vision, recorder

@@ -38,6 +38,7 @@ class Job(msgspec.Struct, frozen=True, kw_only=True):
     calibration_name: str
     calibration: calibration_file.Calibration | None
     settings: dict[str, Any]  # by task name
+    command: str = ""  # as typed, for the log; "" where no terminal started the run
 
     def attachments(self) -> dict[str, bytes]:
         """Encode the files attached to the log."""

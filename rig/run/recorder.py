@@ -29,8 +29,11 @@ PICTURES = "/camera/image"
 class Recorder:
     """Writer of run.mcap; what was recorded before a crash stays readable."""
 
-    def __init__(self, path: Path, start: dict[str, str], attachments: dict[str, bytes]) -> None:
-        self._log = LogWriter(path, start)
+    def __init__(
+        self, path: Path, start: dict[str, str], attachments: dict[str, bytes], epoch_ns: int
+    ) -> None:
+        """epoch_ns: wall-clock time of run time 0 [ns since 1970]."""
+        self._log = LogWriter(path, start, epoch_ns)
         for name, data in attachments.items():
             kind = "application/toml" if name.endswith(".toml") else "application/json"
             self._log.attach(name, kind, data)

@@ -23,6 +23,8 @@ from comms.records import CompressedImage, Event, FrameStamp, LinkRow, Receipts,
 from tests.comms.wire_reference import messages
 
 START = {"seed": "7", "purpose": "swing-free, we hope: θ = 0"}
+EPOCH_NS = 1_795_000_000_000_000_000  # a day in November 2026
+STARTED = {**START, "epoch_ns": str(EPOCH_NS)}
 STOP = {"exit_status": "ok", "digest": "00"}
 PLAN = b"[plan]\ninput = 'zv'\n"
 RECORDS: dict[str, msgspec.Struct] = {
@@ -66,7 +68,7 @@ def setpoint(seq: int) -> Setpoint:
 
 def write_log(path: Path, *, closed: bool = True) -> None:
     """A small log of two chunks, an attachment, and its two ends."""
-    log = LogWriter(path, START)
+    log = LogWriter(path, START, EPOCH_NS)
     log.attach("plan.toml", "application/toml", PLAN)
     for seq in range(4):
         log.write("/setpoint", setpoint(seq), 10 * seq, 10 * seq + 3, seq)
@@ -89,7 +91,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> bytes:
 
 def test_every_record_is_read_unchanged(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
-    log = LogWriter(path, START)
+    log = LogWriter(path, START, EPOCH_NS)
     for k, (topic, record) in enumerate(RECORDS.items()):
         log.write(topic, record, publish_ns=100 + k, log_ns=200 + k, seq=k)
     log.close(STOP)
@@ -108,7 +110,7 @@ def test_messages_of_the_channels_are_read_unchanged(
     tmp_path_factory: pytest.TempPathFactory, angle: AngleSample, truth: Truth, state: RobotState
 ) -> None:
     path = tmp_path_factory.getbasetemp() / "any.mcap"
-    log = LogWriter(path, {})
+    log = LogWriter(path, {}, EPOCH_NS)
     for topic, message in (
         ("/angle", angle),
         ("/truth", truth),
@@ -142,7 +144,8 @@ def test_another_reader_finds_topics_schemas_stamps_and_attachments(
             if s
         ]
         assert found[:4] == [
-            ("swayless.Setpoint", "/setpoint", 10 * k, 10 * k + 3, k) for k in range(4)
+            ("swayless.Setpoint", "/setpoint", EPOCH_NS + 10 * k, EPOCH_NS + 10 * k + 3, k)
+            for k in range(4)
         ]
         assert found[4:] == [("swayless.Event", "/events", 9, 50, 0)]
         _, channel, message = next(iter(reader.iter_messages(topics=["/events"])))
@@ -152,7 +155,7 @@ def test_another_reader_finds_topics_schemas_stamps_and_attachments(
             ("plan.toml", "application/toml", PLAN)
         ]
         assert [(m.name, m.metadata) for m in reader.iter_metadata()] == [
-            ("run.start", START),
+            ("run.start", STARTED),
             ("run.stop", STOP),
         ]
 
@@ -160,7 +163,7 @@ def test_another_reader_finds_topics_schemas_stamps_and_attachments(
 def test_a_picture_is_base64_under_the_foxglove_schema_name(tmp_path: Path) -> None:
     path, image = tmp_path / "run.mcap", RECORDS["/camera/image"]
     assert isinstance(image, CompressedImage)
-    log = LogWriter(path, START)
+    log = LogWriter(path, START, EPOCH_NS)
     log.write("/camera/image", image, 1, 2)
     log.close(STOP)
     with path.open("rb") as stream:
@@ -207,20 +210,20 @@ def test_start_is_the_first_record_and_stop_the_last_of_the_data(
 
 def test_start_is_on_disk_before_anything_else_is_written(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
-    log = LogWriter(path, START)
+    log = LogWriter(path, START, EPOCH_NS)
     log.write("/setpoint", setpoint(0), 0, 0)
     left = tmp_path / "killed.mcap"
     left.write_bytes(path.read_bytes())  # the file after a kill at this instant
     log.close(STOP)
     killed = read_log(left)
-    assert killed.metadata == {"run.start": START}
+    assert killed.metadata == {"run.start": STARTED}
     assert killed.topics == {}
     assert not killed.complete
 
 
 def test_flushed_messages_survive_a_kill(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
-    log = LogWriter(path, START)
+    log = LogWriter(path, START, EPOCH_NS)
     log.write("/setpoint", setpoint(0), 0, 0)
     log.flush()
     log.write("/setpoint", setpoint(1), 0, 0)
@@ -315,8 +318,35 @@ def test_a_file_that_is_not_a_log_is_refused_with_its_path(
 
 def test_a_foreign_mcap_file_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
-    log = LogWriter(path, START)
+    log = LogWriter(path, START, EPOCH_NS)
     log.close(STOP)
     path.write_bytes(path.read_bytes().replace(b"run.start", b"run.other"))
     with pytest.raises(LogError, match=r"without 'run\.start'; .*name a run folder"):
         read_log(path)
+
+
+def test_stamps_in_the_file_are_wall_clock_time_and_never_published_after_logged(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "run.mcap"
+    log = LogWriter(path, START, EPOCH_NS)
+    log.attach("plan.toml", "application/toml", PLAN)
+    log.write("/setpoint", setpoint(1), publish_ns=10, log_ns=13)
+    log.write("/setpoint", setpoint(2), publish_ns=25, log_ns=23)  # sent after it was logged
+    log.close(STOP)
+    with path.open("rb") as stream:
+        reader = make_reader(stream)
+        stamps = [(m.publish_time, m.log_time) for _, _, m in reader.iter_messages()]
+        attachments = [(a.create_time, a.log_time) for a in reader.iter_attachments()]
+    assert stamps == [(EPOCH_NS + 10, EPOCH_NS + 13), (EPOCH_NS + 23, EPOCH_NS + 23)]
+    assert attachments == [(EPOCH_NS, EPOCH_NS)]
+    assert [entry.log_ns for entry in read_log(path).topics["/setpoint"]] == [13, 23]
+
+
+def test_every_chunk_has_a_message_index(small: bytes, tmp_path: Path) -> None:
+    (tmp_path / "run.mcap").write_bytes(small)
+    with (tmp_path / "run.mcap").open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    assert len(summary.chunk_indexes) == 2
+    assert all(chunk.message_index_offsets for chunk in summary.chunk_indexes)

@@ -1,24 +1,20 @@
-"""One run, in virtual time or on the wall clock, recorded from the first instant; nothing recorded is ever lost."""
+"""Execution of one run, in virtual time or on the wall clock, recorded from its first instant."""
 
 from __future__ import annotations
 
-import os
-import platform
 from collections.abc import Callable
-from contextlib import suppress
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-from comms.clock import MonotonicClock, new_run_clock, stopwatch_s, utc_now
+from comms.clock import MonotonicClock, epoch_now_ns, new_run_clock, stopwatch_s, utc_now
 from comms.errors import CommsError
 from comms.link import LinkCount
 from comms.task import Task
 from rig.errors import EXIT_STATUS, FAULT, REFUSED, RigError, RunFailed
 from rig.run import runs
 from rig.run.job import Job
-from rig.run.provenance import provenance
 from rig.run.recorder import Recorder
+from rig.run.run_metadata import start_metadata
 from rig.run.runtime import bench
 from rig.run.runtime.interrupts import Interrupts
 from rig.run.runtime.processes import ProcessRunner
@@ -29,12 +25,10 @@ from rig.run.tasks.streamer import Streamer
 
 ClockMode = Literal["wall", "virtual"]
 Progress = Callable[[int, Operator], None]  # run clock [ns]; called often
-CODE = Path(__file__).resolve().parents[3]  # folder of the five packages
-PACKAGES = ("swayless", "numpy", "scipy", "opencv-python-headless", "pyzmq", "mcap", "msgspec")
 
 
 class RunOutcome(NamedTuple):
-    """How a run ended; loop_s is the wall time from the first task's start to the last one's end."""
+    """End of a run; loop_s: wall time from the start of the first task to the end of the last one."""
 
     exit_code: int
     reasons: list[str]
@@ -43,52 +37,83 @@ class RunOutcome(NamedTuple):
 
 
 def execute(job: Job, mode: ClockMode, folder: Path, progress: Progress) -> RunOutcome:
-    """Run a job and leave run.mcap in folder. Raises what kept it from starting; the log is closed even then."""
+    """Run a job and leave run.mcap in folder; the log is closed whatever happens.
+
+    Raises what kept the run from starting, and RunFailed for an error of the system during the run.
+    """
     operator = Operator(list(job.settings), round(job.plan.duration_s * 1e9))
-    recorder = Recorder(folder / runs.LOG, _start(job, mode, folder), job.attachments())
-    stop: dict[str, str] = {}
-    rows: dict[str, LinkCount] = {}
-    began, end_ns, code, reasons = stopwatch_s(), 0, FAULT, ["the run was cut off"]
-    with Interrupts() as interrupts:
-        try:
+    clock = new_run_clock()
+    recorder = Recorder(
+        folder / runs.LOG,
+        start_metadata(job, mode, folder.name),
+        job.attachments(),
+        epoch_now_ns(),
+    )
+    ended = _Ended()
+    began_s = stopwatch_s()
+    try:
+        with Interrupts() as interrupts:
             if mode == "virtual":
-                runner = _virtual(job, operator, recorder, progress, interrupts)
-                rows, end_ns = runner.run(), runner.t_ns
-                stop["digest"] = runner.digest
+                _run_virtual(job, operator, recorder, progress, interrupts, ended)
             else:
-                clock = new_run_clock()
-                rows, stop = _wall(job, operator, recorder, progress, interrupts, clock, folder)
-                end_ns = clock.now_ns()
-            code, reasons = operator.exit_code, operator.reasons
-        except (RigError, CommsError) as error:
-            code, reasons = _exit_code(error), [str(error)]
-            raise
-        except OSError as error:
-            reasons = [f"the run broke off, the robot was stopped: {error}"]
-            raise RunFailed(reasons[0]) from error
-        finally:
-            loop_s = stopwatch_s() - began
-            stop |= {
-                "exit_status": EXIT_STATUS[code],
-                "exit_code": str(code),
-                "reasons": "\n".join(reasons),
-                "loop_s": f"{loop_s:.4f}",
-                "utc": utc_now().isoformat(),
-            }
-            with suppress(OSError):  # a full disk: what is on it stays readable
-                recorder.close(rows, stop, end_ns)
-    return RunOutcome(code, reasons, stop.get("digest"), loop_s)
+                _run_wall(job, operator, recorder, progress, interrupts, clock, folder, ended)
+            ended.code, ended.reasons = operator.exit_code, operator.reasons
+    except (RigError, CommsError) as error:
+        ended.code, ended.reasons = _exit_code(error), [str(error)]
+        raise
+    except OSError as error:
+        ended.reasons = [f"the run broke off, the robot was stopped: {error}"]
+        raise RunFailed(ended.reasons[0]) from error
+    finally:
+        ended.loop_s = stopwatch_s() - began_s
+        _close(recorder, ended)
+    return RunOutcome(ended.code, ended.reasons, ended.notes.get("digest"), ended.loop_s)
+
+
+class _Ended:
+    """What is known of a run when its log is closed."""
+
+    def __init__(self) -> None:
+        self.code = FAULT
+        self.reasons = ["the run was cut off"]
+        self.counts: dict[str, LinkCount] = {}
+        self.notes: dict[str, str] = {}
+        self.end_ns = 0
+        self.loop_s = 0.0
+
+
+def _close(recorder: Recorder, ended: _Ended) -> None:
+    """Write ledger and stop metadata; where the disk is full, what is on it stays readable."""
+    stop = ended.notes | {
+        "exit_status": EXIT_STATUS[ended.code],
+        "exit_code": str(ended.code),
+        "reasons": "\n".join(ended.reasons),
+        "loop_s": f"{ended.loop_s:.4f}",
+        "utc": utc_now().isoformat(),
+    }
+    try:
+        recorder.close(ended.counts, stop, ended.end_ns)
+    except OSError as error:
+        ended.reasons.append(
+            f"the end of the log could not be written: {error}; make room on the disk"
+        )
+        ended.code = ended.code or FAULT
 
 
 def _exit_code(error: Exception) -> int:
     return error.exit_code if isinstance(error, RigError) else REFUSED
 
 
-def _virtual(
-    job: Job, operator: Operator, recorder: Recorder, progress: Progress, interrupts: Interrupts
-) -> VirtualRunner:
+def _run_virtual(
+    job: Job,
+    operator: Operator,
+    recorder: Recorder,
+    progress: Progress,
+    interrupts: Interrupts,
+    ended: _Ended,
+) -> None:
     e = job.experiment
-    return VirtualRunner(
+    runner = VirtualRunner(
         tasks=[make_task(name, settings) for name, settings in job.settings.items()],
         operator=operator,
         faults=e.links,
@@ -98,10 +123,13 @@ def _virtual(
         interrupts=interrupts,
         progress=lambda t_ns: progress(t_ns, operator),
     )
+    ended.counts = runner.run()
+    ended.end_ns = runner.t_ns
+    ended.notes = {"digest": runner.digest}
 
 
 def make_task(name: str, settings: Any) -> Task:
-    """The task of that name in this process."""
+    """Build the task of that name in this process."""
     if name == "bench":
         return bench.task(settings)
     if name == "vision":
@@ -111,7 +139,7 @@ def make_task(name: str, settings: Any) -> Task:
     return ControllerTask(settings) if name == "controller" else Streamer(settings)
 
 
-def _wall(
+def _run_wall(
     job: Job,
     operator: Operator,
     recorder: Recorder,
@@ -119,39 +147,25 @@ def _wall(
     interrupts: Interrupts,
     clock: MonotonicClock,
     folder: Path,
-) -> tuple[dict[str, LinkCount], dict[str, str]]:
-    """The settled ledger, and what the stop metadata should know."""
+    ended: _Ended,
+) -> None:
     e = job.experiment
     runner = ProcessRunner(
         job.settings, operator, clock, recorder, interrupts, lambda t: progress(t, operator), folder
     )
-    rows = runner.run(
-        e.network.bind, e.network.base_port, e.experiment.seed, dict(e.links), e.record.pictures_hz
-    )
-    notes = {
-        "cpu_share": " ".join(f"{name}={share:.4f}" for name, share in runner.cpu_share.items()),
+    try:
+        ended.counts = runner.run(
+            e.network.bind,
+            e.network.base_port,
+            e.experiment.seed,
+            dict(e.links),
+            e.record.pictures_hz,
+        )
+    finally:
+        ended.end_ns = clock.now_ns()
+    cpu = runner.cpu_share.items()
+    ended.notes = {
+        "cpu_share": " ".join(f"{name}={share:.4f}" for name, share in cpu),
         "scheduling": " ".join(f"{name}={policy}" for name, policy in runner.scheduling.items()),
         "uncounted": "\n".join(runner.uncounted),
-    }
-    return rows, notes
-
-
-def _start(job: Job, mode: ClockMode, folder: Path) -> dict[str, str]:
-    e = job.experiment.experiment
-    return {
-        "run_id": folder.name,
-        "experiment": e.name,
-        "kind": e.kind,
-        "mode": mode,
-        "seed": str(e.seed),
-        "purpose": e.purpose,
-        "calibration": job.calibration_name,
-        "utc": utc_now().isoformat(),
-        "clock": "CLOCK_MONOTONIC from the operator's start" if mode == "wall" else "virtual",
-        "operator": os.environ.get("USER", "unknown"),
-        "host": platform.node(),
-        "system": platform.platform(),
-        "python": platform.python_version(),
-        "versions": " ".join(f"{name}={version(name)}" for name in PACKAGES),
-        **provenance(CODE),
     }

@@ -204,7 +204,7 @@ def test_the_tracker_sees_what_the_camera_shows_at_the_instant_it_says():
 def test_what_the_recorder_writes_the_analysis_reads(tmp_path):
     job = prepare(loaded(), plan_move(loaded()), bench.plant(loaded()))
     start = {"run_id": "r", "mode": "virtual", "experiment": "move", "kind": "move"}
-    recorder = Recorder(tmp_path / LOG, start, job.attachments())
+    recorder = Recorder(tmp_path / LOG, start, job.attachments(), 0)
     recorder.message("command", order(Verb.START, "streamer", 5, 60 * MS), 5)
     recorder.message("angle", seen(0, 7, 0.01), 9)
     recorder.close({}, {"exit_status": "ok", "exit_code": "0"}, 10)
