@@ -25,7 +25,7 @@ MIN_DISTANCE_M = 1e-3  # reference of the error of shorter moves
 MAX_PIECE_EXPONENT = 300.0  # |Re eigenvalue| x duration of a piece; exp overflows beyond 700
 
 
-def trajectory_of(
+def platform_trajectory(
     problem: Problem, linear: LinearProblem, coefficients: ComplexArray, planner: str
 ) -> Trajectory:
     """Integrate the input into the position of the platform.

@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from planners.boundary_value.closed_form import end_error, refuse_nonlinear, trajectory_of
+from planners.boundary_value.closed_form import end_error, platform_trajectory, refuse_nonlinear
 from planners.boundary_value.linear import LinearProblem, linear_problem
 from planners.boundary_value.modal_form import ModalForm
 from planners.errors import PlanError
@@ -36,7 +36,7 @@ def plan_convolution(problem: Problem) -> Trajectory:
         solution = coefficients(linear)
     except np.linalg.LinAlgError as singular:
         raise end_error(problem, "convolution", float("inf")) from singular
-    return trajectory_of(problem, linear, solution, "convolution")
+    return platform_trajectory(problem, linear, solution, "convolution")
 
 
 def coefficients(linear: LinearProblem) -> ComplexArray:

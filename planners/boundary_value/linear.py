@@ -33,7 +33,7 @@ class System(NamedTuple):
 
 @dataclass(frozen=True)
 class LinearProblem:
-    """Minimise 1/2 int_0^T (x'Qx + r u^2) dt over x' = a x + b u from start to goal.
+    """Linear-quadratic problem: min 1/2 int_0^T (x'Qx + r u^2) dt, x' = a x + b u, start to goal.
 
     Source 004, section 2.1. The platform's acceleration is a[1] x + b[1] u for every input.
     Sensitivities are the last states.

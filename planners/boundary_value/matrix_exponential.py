@@ -10,8 +10,8 @@ import numpy as np
 from planners.boundary_value.closed_form import (
     checked_end,
     end_error,
+    platform_trajectory,
     refuse_nonlinear,
-    trajectory_of,
 )
 from planners.boundary_value.linear import LinearProblem, linear_problem
 from planners.errors import PlanError
@@ -51,7 +51,7 @@ def plan_matrix_exponential(problem: Problem) -> Trajectory:
     for _ in range(REFINEMENTS):
         costate += inverse @ (required - whole.g @ costate)
     if not linear.q.any():
-        return trajectory_of(problem, linear, -costate / linear.r, "matrix_exponential")
+        return platform_trajectory(problem, linear, -costate / linear.r, "matrix_exponential")
     return _polynomial_trajectory(problem, linear, levels, costate)
 
 

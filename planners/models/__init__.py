@@ -1,4 +1,4 @@
-"""The load as the planner models it: equations of motion, modes, state space.
+"""Planner's models of the load: equations of motion, modes, state space.
 
 Imports the array types of trajectories.
 """

@@ -22,7 +22,7 @@ MAX_STENCIL_CHANGE_REL = 8e-3  # change over the stencil, relative to the larges
 NO_EFFECT_REL = 1e-11  # change in a step, relative to the largest entry, that counts as none
 # Smallest singular value of the scaled matrix of the PBH test: an uncontrollable state leaves
 # 1e-15, five odd links leave 5e-9.
-UNCONTROLLABLE = 1e-11
+MIN_SINGULAR_VALUE = 1e-11
 MIN_COMPONENT = 1e-3  # of a unit left singular vector, for a state to be part of a combination
 SAME_EIGENVALUE_REL = 1e-3  # of the fastest: scatter of the eigenvalues of a Jordan block
 
@@ -84,7 +84,7 @@ def uncontrollable(space: StateSpace) -> tuple[str, ...]:
     for eigenvalue in _merged_eigenvalues(a):
         pencil = np.hstack([eigenvalue * np.eye(len(a)) - a, b])
         left, singular_values, _ = np.linalg.svd(pencil)
-        combinations = np.abs(left[:, singular_values <= UNCONTROLLABLE])
+        combinations = np.abs(left[:, singular_values <= MIN_SINGULAR_VALUE])
         found |= (combinations > MIN_COMPONENT).any(axis=1)
     return tuple(name for name, hit in zip(space.states, found, strict=True) if hit)
 
@@ -106,12 +106,12 @@ def _merged_eigenvalues(a: FloatArray) -> list[complex]:
 
     Rounding scatters the eigenvalues of the block, but not their mean.
     """
-    left = list(np.linalg.eigvals(a).astype(complex))
+    remaining = list(np.linalg.eigvals(a).astype(complex))
     merged = []
-    while left:
-        first = left[0]
-        near = [value for value in left if abs(value - first) <= SAME_EIGENVALUE_REL]
-        left = [value for value in left if abs(value - first) > SAME_EIGENVALUE_REL]
+    while remaining:
+        first = remaining[0]
+        near = [value for value in remaining if abs(value - first) <= SAME_EIGENVALUE_REL]
+        remaining = [value for value in remaining if abs(value - first) > SAME_EIGENVALUE_REL]
         merged.append(complex(np.mean(near)))
     return merged
 

@@ -1,4 +1,4 @@
-"""Input shapers: one table, name -> shaper of one mode; and the shaper of several modes at once.
+"""Input shapers: table of shapers of one mode by name, and the joint shaper of several modes.
 
 Imports models, laws, trajectories and planners/problem.py.
 """

@@ -367,7 +367,8 @@ def test_no_refusal_of_the_nonlinear_pendulum_names_a_solver_of_the_linear_one()
     for time_s in (0.0201, 0.3, 0.6):
         with pytest.raises(
             NotConverged,
-            match="give the move more time, or less distance and swing, or try finite_differences$",
+            match=r"give the move more time, or less distance and swing, "
+            r"or try finite_differences$",
         ):
             plan_shooting(problem_of(time_s=time_s, nonlinear=True))
 

@@ -1,4 +1,4 @@
-"""Shapers keep their defining conditions and the published numbers; a shaped move leaves no swing."""
+"""Shapers against their defining conditions and published numbers; residual swing of moves."""
 
 import math
 import subprocess
@@ -29,7 +29,7 @@ from planners.shapers import (
     zv,
     zvd,
 )
-from planners.shapers.formulas import MOST_DAMPING
+from planners.shapers.formulas import MAX_DAMPING_RATIO
 from planners.shapers.plan_shaped import SHAPED, plan_shaped, shape
 
 TURN = 2 * math.pi
@@ -50,7 +50,8 @@ IMPULSES = {
         [0.0, 3.145527, 6.291054, 9.4365811],
     ),
 }
-# source 001: % left by shapers for (w, zeta), at the same instant and by Singer & Seering, on modes with OFF times (w, zeta)
+# Source 001: residual vibration [%] of shapers for (w, zeta), at the same instant and by Singer &
+# Seering, on modes with OFF times (w, zeta).
 OFF = [(1.1, 1.2), (1.1, 0.8), (0.9, 1.2), (0.9, 0.8)]
 ROBUSTNESS = [
     (
@@ -108,8 +109,9 @@ ROBUSTNESS = [
         [0.21432419, 0.26333413, 0.23679233, 0.28125829],
     ),
 ]
-# measured undamped behaviour: duration in periods; V %; I5 and I10, sampled every 0.0025 to 0.005 and so up to 0.005 too
-# wide; worst V % within 10 % and 20 %. The published ei family was a fit in damping, 0.1 % off its conditions: not so here.
+# Measured undamped behaviour: duration in periods; V [%]; I5 and I10, sampled every 0.0025 to 0.005
+# and so up to 0.005 too wide; worst V [%] within 10 % and 20 %. The published ei family was a fit
+# in damping, 0.1 % off its conditions: not so here.
 MEASURED = [
     ("zv", 0.5, 0.0, 0.065, 0.130, 15.6, 30.9),
     ("um_zv", 1 / 3, 0.0, 0.056, 0.113, 18.7, 38.2),
@@ -118,7 +120,8 @@ MEASURED = [
     ("ei", 1.0, 5.0, 0.399, 0.495, 5.0, 5.0),
     ("zvdd", 1.5, 0.0, 0.484, 0.619, 0.4, 3.0),
 ]
-# source 004, figures of section 3.3 recomputed: mrad left on a cable of this length by a plan for 1 m, exact delays
+# Source 004, figures of section 3.3 recomputed: residual swing [mrad] on a cable of this length of
+# a plan for 1 m, exact delays.
 LENGTHS_M = [0.70, 0.80, 0.90, 0.95, 1.05, 1.10, 1.20, 1.30]
 SENSITIVITY = [
     ("zv", 2.0, [61.0, 34.1, 14.5, 6.68, 5.75, 10.7, 18.7, 24.6]),
@@ -136,7 +139,7 @@ def problem_of(distance_m=0.2, time_s=2.0, model=METRE, **more):
 
 
 def swing(trajectory, rate):
-    """|int exp(rate (T - t)) a(t) dt| by Gauss-Legendre quadrature: what the move leaves of a mode."""
+    """Compute the residual of a mode, |int exp(rate (T - t)) a(t) dt|, by Gauss quadrature."""
     x, w = np.polynomial.legendre.leggauss(60)
     total = 0j
     for begin, piece in zip(trajectory.breaks_s, trajectory.pieces, strict=False):
@@ -163,7 +166,7 @@ def test_a_shaper_has_the_published_impulses(name):
 
 @pytest.mark.parametrize("name", sorted(ZERO_FAMILY))
 @given(rate=modes)
-def test_a_zero_vibration_shaper_leaves_nothing_and_the_named_derivatives_are_zero(name, rate):
+def test_a_zero_vibration_shaper_has_zero_residual_and_zero_derivatives(name, rate):
     shaper, n = SHAPERS[name](rate), ZERO_FAMILY[name]
     assert shaper.amplitudes.sum() == pytest.approx(1.0, abs=1e-14)
     assert residual(shaper, rate) < 1e-14
@@ -174,7 +177,7 @@ def test_a_zero_vibration_shaper_leaves_nothing_and_the_named_derivatives_are_ze
 
 
 @given(rate=modes)
-def test_mzv_leaves_nothing_at_any_damping(rate):
+def test_mzv_has_zero_residual_at_any_damping(rate):
     shaper = SHAPERS["mzv"](rate)
     assert shaper.amplitudes.sum() == pytest.approx(1.0, abs=1e-14)
     assert (shaper.amplitudes > 0).all()
@@ -191,8 +194,8 @@ def test_mzv_without_damping_has_root_two_in_the_middle():
 
 
 @settings(max_examples=40)
-@given(frequency=st.floats(0.2, 20.0), zeta=st.floats(0.0, MOST_DAMPING["um_zv"]))
-def test_um_zv_leaves_nothing_with_impulses_of_one(frequency, zeta):
+@given(frequency=st.floats(0.2, 20.0), zeta=st.floats(0.0, MAX_DAMPING_RATIO["um_zv"]))
+def test_um_zv_has_zero_residual_with_impulses_of_one(frequency, zeta):
     rate = mode(frequency, zeta)
     shaper = SHAPERS["um_zv"](rate)
     np.testing.assert_array_equal(shaper.amplitudes, [1, -1, 1])
@@ -210,7 +213,7 @@ def test_um_zv_without_damping_comes_at_sixths_of_the_period():
 @given(data=st.data())
 def test_an_extra_insensitive_shaper_has_its_humps_at_five_percent_between_zeros(name, data):
     rate, humps = (
-        mode(data.draw(st.floats(0.2, 20.0)), data.draw(st.floats(0.0, MOST_DAMPING[name]))),
+        mode(data.draw(st.floats(0.2, 20.0)), data.draw(st.floats(0.0, MAX_DAMPING_RATIO[name]))),
         HUMPS[name],
     )
     shaper = SHAPERS[name](rate)
@@ -277,7 +280,7 @@ def test_a_damped_band_ends_where_the_residual_meets_the_tolerance(name):
     assert inside[-1] - inside[0] == pytest.approx(width, abs=3e-5)
 
 
-def test_a_band_may_be_empty_or_without_end():
+def test_a_band_may_be_empty_or_unbounded():
     assert insensitivity(SHAPERS["ei"], 1j, 0.04) == 0.0
     assert (
         insensitivity(zv, mode(1.0, 0.99), 0.3) == math.inf
@@ -295,7 +298,7 @@ def test_wrong_frequency_and_damping_leave_the_published_share(
 
 
 @pytest.mark.parametrize(("name", "left"), [("zv", [1.726, 1.671]), ("zvd", [0.030, 0.028])])
-def test_wrong_damping_alone_is_forgiven(name, left):
+def test_shapers_are_insensitive_to_an_error_of_damping_alone(name, left):
     shaper = SHAPERS[name](mode(1.0, 0.05))
     np.testing.assert_allclose(
         100 * np.abs(transform(shaper, [mode(1, 0.06), mode(1, 0.04)])), left, atol=6e-4
@@ -303,7 +306,7 @@ def test_wrong_damping_alone_is_forgiven(name, left):
 
 
 @given(rate=modes, off=st.floats(0.5, 1.5))
-def test_the_residual_is_what_an_oscillator_keeps_of_the_kicks(rate, off):
+def test_the_residual_is_that_of_an_oscillator_after_the_impulses(rate, off):
     shaper, real = zvd(rate), rate * off
     a = np.array([[0.0, 1.0], [-(abs(real) ** 2), 2 * real.real]])
     state, now = np.zeros(2), 0.0
@@ -371,7 +374,8 @@ def test_a_joint_shaper_is_positive_exact_and_never_longer_than_the_cascade(
 def test_two_undamped_modes_jointly_take_as_many_mean_half_periods_as_there_are_zeros(
     ratio, derivatives
 ):
-    # three symmetric impulses at 0, T/2, T: cos(w1 T/2) = cos(w2 T/2), so T = 4 pi / (w1 + w2), as long as it is > T1 / 2
+    # Three symmetric impulses at 0, T/2, T: cos(w1 T/2) = cos(w2 T/2), so T = 4 pi / (w1 + w2), as
+    # long as it is > T1 / 2.
     shaper = joint([1j, 1j * ratio], derivatives)
     assert shaper.times_s[-1] == pytest.approx(
         (derivatives + 1) * 4 * math.pi / (1 + ratio), rel=1e-9
@@ -382,7 +386,7 @@ def test_two_undamped_modes_jointly_take_as_many_mean_half_periods_as_there_are_
 @pytest.mark.parametrize("derivatives", [0, 1])
 @pytest.mark.parametrize("zeta", [0.0, 0.05])
 @pytest.mark.parametrize("ratios", [(1, 2.5), (1, 4.267), (1, 7.3), (1, 2.4, 4.0)])
-def test_no_positive_impulses_do_it_in_two_percent_less(ratios, zeta, derivatives):
+def test_no_positive_shaper_is_two_percent_shorter(ratios, zeta, derivatives):
     rates = np.array([mode(ratio, zeta) for ratio in ratios])
     shaper = joint(rates.tolist(), derivatives)
     for k in range(derivatives + 1):  # the conditions themselves, as sums
@@ -410,7 +414,7 @@ def test_the_joint_shaper_of_one_mode_is_its_zv():
 
 @pytest.mark.parametrize("model", [METRE, PendulumModel(length_m=0.4, damping_ratio=0.05), DOUBLE])
 @pytest.mark.parametrize("name", SHAPED)
-def test_a_shaped_move_is_done_in_time_and_leaves_what_its_shaper_says(name, model):
+def test_a_shaped_move_ends_in_time_with_the_residual_of_its_shaper(name, model):
     time_s = 3.2 * max(
         convolve(*(SHAPERS["zvd"](rate) for rate in model.oscillatory_eigenvalues_1_s)).times_s
     )
@@ -476,7 +480,7 @@ def test_distances_add_up(name, a, b):
 
 
 @pytest.mark.parametrize("name", SHAPED)
-def test_too_short_a_time_is_told_with_the_least_one(name):
+def test_too_short_a_time_is_refused_with_the_shortest_one(name):
     with pytest.raises(
         Infeasible, match=rf"time_s = 0\.3; must be > .*, the length of shaper {name}: lengthen"
     ) as caught:
@@ -490,9 +494,12 @@ def test_too_short_a_time_is_told_with_the_least_one(name):
     )
 
 
-def test_the_half_period_of_every_mode_is_told():
-    told = r"time_s = 1\.0; must be > 1\.015169, the length of shaper zv \(half periods 0\.822425 and 0\.192744 s\)"
-    with pytest.raises(Infeasible, match=told):
+def test_the_half_period_of_every_mode_is_reported():
+    words = (
+        r"time_s = 1\.0; must be > 1\.015169, the length of shaper zv "
+        r"\(half periods 0\.822425 and 0\.192744 s\)"
+    )
+    with pytest.raises(Infeasible, match=words):
         plan_shaped("zv", problem_of(time_s=1.0, model=DOUBLE))
 
 
@@ -511,7 +518,7 @@ def test_any_law_is_shaped_and_a_continuous_acceleration_stays_so(law):
 
 
 @pytest.mark.parametrize(
-    ("more", "told"),
+    ("more", "words"),
     [
         ({"start_state": {"angle_rad": 0.1}}, "must be rest to rest: take matrix_exponential"),
         ({"goal_state": {"speed_m_s": 0.1}}, "must be rest to rest"),
@@ -522,16 +529,16 @@ def test_any_law_is_shaped_and_a_continuous_acceleration_stays_so(law):
         ({"nonlinear": True}, "nonlinear = True; must be False.*: take collocation"),
         (
             {"input": "force"},
-            "input force; must be acceleration or jerk.*leave --model at acceleration",
+            "input = 'force'; must be acceleration or jerk.*take acceleration as input",
         ),
         (
             {"model": ChainModel(links=(BAR, BAR), joint_damping_n_m_s_rad=(50.0,))},
-            "2 modes of which 1 swing; .* overdamped one: take matrix_exponential",
+            "2 modes of which 1 oscillate; .* overdamped one: take matrix_exponential",
         ),
     ],
 )
-def test_what_a_shaper_cannot_do_is_refused_with_the_next_step(more, told):
-    with pytest.raises(PlanError, match=told):
+def test_problems_that_a_shaper_does_not_solve_are_refused_with_the_next_step(more, words):
+    with pytest.raises(PlanError, match=words):
         plan_shaped("zv", problem_of(time_s=3.0, **more))
 
 
@@ -546,20 +553,19 @@ def test_an_unknown_shaper_is_named_with_the_nearest():
 @pytest.mark.parametrize("name", sorted(SHAPERS))
 def test_a_mode_that_does_not_swing_or_grows_is_refused(name, rate):
     with pytest.raises(
-        PlanError, match="of a mode; must have an imaginary part > 0 and a real part <= 0"
+        PlanError, match="of a mode; must have an imaginary part > 0 and a real part <= 0, both"
     ):
         SHAPERS[name](rate)
     with pytest.raises(PlanError, match="of a mode"):
         joint([1j, rate])
 
 
-@pytest.mark.parametrize(("name", "most"), sorted(MOST_DAMPING.items()))
-def test_too_much_damping_for_a_shaper_is_told_with_its_bound(name, most):
+@pytest.mark.parametrize(("name", "most"), sorted(MAX_DAMPING_RATIO.items()))
+def test_too_much_damping_for_a_shaper_is_refused_with_its_bound(name, most):
     with pytest.raises(PlanError, match=rf"for shaper {name}; must be <= {most}: take zvd or mzv"):
         SHAPERS[name](mode(1.0, most + 0.01))
-    for frequency in np.linspace(
-        0.2, 20.0, 12
-    ):  # at the bound itself, however the rate was rounded
+    # At the bound itself, for every rounding of the eigenvalue.
+    for frequency in np.linspace(0.2, 20.0, 12):
         assert SHAPERS[name](mode(frequency, most)).times_s[-1] > 0
 
 
@@ -571,7 +577,10 @@ def test_numbers_out_of_bounds_are_named():
 
 
 def test_an_undamped_shaper_needs_no_scipy():
-    code = "import sys, planners.shapers as s; [f(1j) for f in s.SHAPERS.values()]; sys.exit('scipy' in sys.modules)"
+    code = (
+        "import sys, planners.shapers as s; [f(1j) for f in s.SHAPERS.values()]; "
+        "sys.exit('scipy' in sys.modules)"
+    )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
