@@ -147,7 +147,7 @@ def test_another_reader_finds_topics_schemas_stamps_and_attachments(
             ("swayless.Setpoint", "/setpoint", EPOCH_NS + 10 * k, EPOCH_NS + 10 * k + 3, k)
             for k in range(4)
         ]
-        assert found[4:] == [("swayless.Event", "/events", 9, 50, 0)]
+        assert found[4:] == [("swayless.Event", "/events", EPOCH_NS + 9, EPOCH_NS + 50, 0)]
         _, channel, message = next(iter(reader.iter_messages(topics=["/events"])))
         assert channel.message_encoding == "json"
         assert json.loads(message.data) == msgspec.to_builtins(RECORDS["/events"])
