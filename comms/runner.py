@@ -92,11 +92,8 @@ class WallRunner:
         self._wake_ns: int | None = None
         self._exit: int | None = None
         self._lateness_ns: list[int] = []
-        self._record_ns = 0
-        self._telemetry_ns = 0
-        self._read_all_ns = 0
-        self._operator_ns = 0  # last message of the operator
-        self._picture_ns = 0
+        self._record_ns = self._telemetry_ns = self._read_all_ns = 0
+        self._operator_ns = self._picture_ns = 0  # last message of the operator, last picture
 
     def run(self) -> int:
         """Run the task until it exits; return its exit code."""
@@ -131,11 +128,10 @@ class WallRunner:
 
     def _give_up(self) -> int:
         """Close the sockets of a task that was never started; return its exit code."""
+        self._report_exit(f"no heartbeat of the operator within {START_TIMEOUT_NS / MS:.0f} ms")
         for sender in self._senders.values():
             sender.close(self._clock.now_ns())
-        for receiver in self._receivers.values():
-            receiver.socket.close()
-        self._bus.close()
+        self._close_sockets()
         self._context.destroy(0)
         return ORPHANED
 
@@ -186,8 +182,22 @@ class WallRunner:
             if command is not None:
                 self._handle_command(command)
         now = self._clock.now_ns()
-        if now - self._operator_ns > OPERATOR_TIMEOUT_NS:
+        silent_ns = now - self._operator_ns
+        if silent_ns > OPERATOR_TIMEOUT_NS:
+            self._report_exit(
+                f"no message from the operator for {silent_ns / MS:.0f} ms; "
+                f"must be <= {OPERATOR_TIMEOUT_NS / MS:.0f} ms: its process exited or was not run"
+            )
             self._stop_task(ORPHANED)
+
+    def _report_exit(self, reason: str) -> None:
+        """Say on standard error and on the bus why this task exits by itself."""
+        sys.stderr.write(f"{self._task.name}: {reason}\n")
+        self._record_event("error", reason)
+
+    def _record_event(self, level: str, text: str) -> None:
+        t_ns = self._clock.now_ns()
+        self._bus.record(Event(t_ns=t_ns, level=level, source=self._task.name, text=text))
 
     def _handle_command(self, command: Command) -> None:
         if command.verb is Verb.CLOSE:
@@ -277,14 +287,15 @@ class WallRunner:
         counts |= self._operator_counts
         for name, count in counts.items():
             self._bus.record(LinkRow(channel=name, count=count))
-        if self._bus.dropped_telemetry or self._bus.dropped_pictures:
-            text = (
-                f"{self._bus.dropped_telemetry} messages and {self._bus.dropped_pictures} pictures "
-                "were not logged"
-            )
-            self._bus.record(Event(t_ns=now, level="warning", source=self._task.name, text=text))
+        dropped = (self._bus.dropped_telemetry, self._bus.dropped_pictures)
+        if any(dropped):
+            text = "{} messages and {} pictures were not logged".format(*dropped)
+            self._record_event("warning", text)
         self._bus.end_streams()
+        self._close_sockets()
+        self._context.term()
+
+    def _close_sockets(self) -> None:
         for receiver in self._receivers.values():
             receiver.socket.close()
         self._bus.close()
-        self._context.term()

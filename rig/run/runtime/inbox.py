@@ -9,11 +9,12 @@ from comms.codec import decode
 from comms.frames import with_pixels
 from comms.messages import Frame, Message, Reply
 from comms.operator_bus import Hello, Record, StreamEnd, Telemetry
-from comms.records import LinkRow
+from comms.records import LinkRow, TaskTiming
 from comms.task import Step
 from rig.run.recorder import Recorder
 from rig.run.runtime.channel_counts import ChannelCounts
 from rig.run.runtime.roster import Roster
+from rig.run.runtime.starvation import Starvation
 from rig.run.tasks.operator import Operator
 
 
@@ -31,6 +32,7 @@ class Inbox:
         """tasks: names of the known senders. carry_out: receives what the operator returns."""
         self.roster = Roster()
         self.counts = ChannelCounts()
+        self.starvation = Starvation()
         self._tasks = tasks
         self._session = session
         self._operator = operator
@@ -66,8 +68,10 @@ class Inbox:
         record = content.record
         if isinstance(record, LinkRow):
             self.counts.add(record.channel, task, record.count)
-        else:
-            self._recorder.record(record, now_ns)
+            return
+        if isinstance(record, TaskTiming):
+            self.starvation.add(task, record.lateness_ns)
+        self._recorder.record(record, now_ns)
 
     def _log_telemetry(self, telemetry: Telemetry, now_ns: int) -> None:
         message = decode(telemetry.channel, telemetry.data, self._session)

@@ -17,6 +17,7 @@ from comms.ends import Wiring
 from comms.link import LinkCount, LinkFaults
 from comms.messages import Command, Verb
 from comms.operator_bus import OperatorBus
+from comms.priority import drop_priority, take_priority
 from comms.records import Event
 from comms.runner import START_TIMEOUT_NS
 from comms.task import Step
@@ -30,6 +31,7 @@ from rig.run.runtime.ports import channel_ports
 from rig.run.tasks.operator import Operator, Stage
 
 HEARTBEAT_PERIOD_NS = 200 * MS
+PRIORITY = 5  # SCHED_FIFO of the operator, below all tasks, where it is allowed
 MAX_WAIT_MS = 40  # longest wait for a message; then signals and the clock are checked
 CHECK_PERIOD_NS = 100 * MS  # of processes, disk and progress
 SHUTDOWN_TIMEOUT_NS = 3_000 * MS  # from the close order, plus the delay of the links
@@ -98,6 +100,7 @@ class ProcessRunner:
             self._await_tasks()
             self._loop()
             self._await_shutdown(round(max(delays_ms, default=0) * MS))
+            self._add_starvation()
         except BaseException:
             self._abort()
             raise
@@ -159,16 +162,27 @@ class ProcessRunner:
         start_ns = self._clock.now_ns()
         self._cpu.start(start_ns)
         self._carry_out(self._operator.start(start_ns))
-        while self._operator.stage is not Stage.CLOSED:
-            self._step()
+        has_priority = take_priority(PRIORITY, is_bounded=False)
+        try:
+            while self._operator.stage is not Stage.CLOSED:
+                self._step()
+        finally:
+            if has_priority:
+                drop_priority()
+
+    def _add_starvation(self) -> None:
+        """Name the processes that the machine did not run, as a reason of a fault."""
+        if self._operator.exit_code == FAULT:
+            self._operator.reasons += self._inbox.starvation.reasons()
 
     def _step(self) -> None:
         """Wait for messages, at most until the next wake-up; then do what is due."""
         wait_ms = MAX_WAIT_MS
+        begin_ns = self._clock.now_ns()
         if self._wake_ns is not None:
-            until_wake_ms = (self._wake_ns - self._clock.now_ns()) // MS
-            wait_ms = max(0, min(MAX_WAIT_MS, until_wake_ms))
+            wait_ms = max(0, min(MAX_WAIT_MS, (self._wake_ns - begin_ns) // MS))
         self._bus.wait(wait_ms)
+        self._inbox.starvation.add("operator", [self._clock.now_ns() - begin_ns - wait_ms * MS])
         self._receive()
         now_ns = self._clock.now_ns()
         if now_ns >= self._next_check_ns:

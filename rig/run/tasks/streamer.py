@@ -27,6 +27,7 @@ from rig.analysis.identify.errors import AnalysisError
 from rig.analysis.identify.swing import initial_swing_rad
 from rig.errors import FAULT, REFUSED
 from rig.run.tasks.controller.phase import ORDERS, Trigger, next_phase, refusal
+from rig.run.tasks.pause import BUSY_HINT, PauseMeter
 from rig.run.tasks.safety import Envelope, Gate
 
 PERIOD_NS = 10 * MS
@@ -65,6 +66,7 @@ class Streamer:
         self._angle_ns = 0  # arrival of the newest valid angle
         self._invalid_reason = ""  # of the newest angle, empty if it is valid
         self._quiet_samples: list[tuple[float, float]] = []  # (t_s, angle_rad) before the move
+        self._pause = PauseMeter(PERIOD_NS)
         self.late_ticks = 0
 
     def start(self, t_ns: int) -> Step:
@@ -90,6 +92,7 @@ class Streamer:
         if tick <= self._tick:  # woken early
             return Step(wake_ns=self._t_start_ns + (self._tick + 1) * PERIOD_NS)
         self.late_ticks += tick - self._tick - 1
+        self._pause.tick(t_ns)
         reports = self._check(tick, t_ns) if self._phase is Phase.RUNNING else ()
         self._tick = tick
         next_ns = self._t_start_ns + (tick + 1) * PERIOD_NS
@@ -108,7 +111,7 @@ class Streamer:
         if self._phase is Phase.RUNNING:
             refused = self._gate.refusal(t_target_ns, position)
             if refused is not None:
-                stopped = self._stop(f"safety gate: {refused}", FAULT, t_ns)
+                stopped = self._stop(f"safety gate: {refused}{self._pause.note}", FAULT, t_ns)
                 return (stopped, *self._reference(tick, t_ns))
             self._last_sent = position
         if self._last_sent is None:
@@ -163,7 +166,7 @@ class Streamer:
         return (
             f"no valid cable angle for {age_ns / MS:.0f} ms; "
             f"must be <= {stale_ns / MS:.0f} ms ({reason}): "
-            "check camera, screen and calibration"
+            f"{self._pause.cause(age_ns, 'check camera, screen and calibration')}"
         )
 
     def _take_angle(self, sample: AngleSample, t_ns: int) -> None:
@@ -194,10 +197,7 @@ class Streamer:
         """Check that the robot would not jump at t_start; return the reason of a refusal."""
         if t_start_ns < t_ns:
             late_ms = (t_ns - t_start_ns) / MS
-            return (
-                f"start refused: t_start is {late_ms:.0f} ms past; must lie ahead: "
-                "is this machine too busy?"
-            )
+            return f"start refused: t_start is {late_ms:.0f} ms past; must lie ahead: {BUSY_HINT}"
         robot = self._robot
         age_ns = t_ns - self._robot_ns
         if robot is None or age_ns > self._settings.robot_stale_ns:

@@ -217,7 +217,9 @@ def test_a_controller_without_encoders_refuses_to_say_it_is_ready_or_to_arm(verb
     controller.start(0)
     (reply,) = replies(tell(controller, order(verb, id=12), 0))
     assert (reply.id, reply.ok, reply.phase) == (12, False, Phase.IDLE)
-    assert reply.text == "no joint state arrives from the encoders: is the bench running?"
+    assert reply.text == (
+        "no joint state arrives from the encoders; see bench.log in the folder of the run"
+    )
 
 
 @pytest.mark.parametrize(("age_ms", "ok"), [(100, True), (101, False)])
@@ -301,7 +303,7 @@ def test_silent_encoders_are_a_fault_after_100_ms(verbs: tuple[Verb, ...]) -> No
     assert (report.id, report.ok, report.exit, report.phase) == (0, False, 5, Phase.FAULT)
     assert report.text == (
         "no joint state for 105 ms; must be <= 100 ms (safety.robot_stale_ms): "
-        "is the bench running?"
+        "nothing arrived from the bench"
     )
     assert len(set(xs(steps[k:]))) == 1, "the setpoint stays where it is"
 
@@ -360,3 +362,13 @@ def test_settings_travel_as_json() -> None:
         build(b"{}")
     built = build(msgspec.json.encode(settings))
     assert built.start(0) == ControllerTask(settings).start(0)
+
+
+def test_a_controller_that_was_not_run_itself_says_so_and_not_that_the_bench_is_silent() -> None:
+    controller = after(Verb.ARM, Verb.START)
+    run(controller, range(4), lambda k: 0.06)
+    (report,) = replies(controller.on_tick(T_START_NS + 130 * MS))
+    assert report.exit == 5
+    assert "this process itself was not run for" in report.text
+    assert "run with --virtual" in report.text
+    assert "bench" not in report.text

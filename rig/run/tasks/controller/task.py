@@ -12,6 +12,7 @@ from rig.errors import FAULT
 from rig.run.tasks.controller.communication import Communication
 from rig.run.tasks.controller.interpolator import TICK_NS, Interpolator
 from rig.run.tasks.controller.phase import ORDERS, Trigger, next_phase, refusal
+from rig.run.tasks.pause import PauseMeter
 
 TICKS_PER_STATE = 2  # setpoints at 200 Hz, state at 100 Hz
 
@@ -39,6 +40,7 @@ class ControllerTask:
         self._seq = 0
         self._replies = Replies(self.name)
         self._tick = 0  # next grid instant is _tick * TICK_NS
+        self._pause = PauseMeter(TICK_NS)
         self.late_ticks = 0
 
     def start(self, t_ns: int) -> Step:
@@ -61,6 +63,7 @@ class ControllerTask:
         tick = t_ns // TICK_NS
         self.late_ticks += tick - self._tick
         self._tick = tick + 1
+        self._pause.tick(t_ns)
         faults = self._check_ages(t_ns)
         sends = (*self._next_setpoint(tick * TICK_NS, t_ns), *faults)
         if tick % TICKS_PER_STATE == 0:
@@ -89,12 +92,14 @@ class ControllerTask:
         age_ns = t_ns - self._io.joints_ns
         if age_ns > self._robot_stale_ns:
             bound = f"must be <= {self._robot_stale_ns / MS:.0f} ms (safety.robot_stale_ms)"
-            text = f"no joint state for {age_ns / MS:.0f} ms; {bound}: is the bench running?"
+            cause = self._pause.cause(age_ns, "nothing arrived from the bench")
+            text = f"no joint state for {age_ns / MS:.0f} ms; {bound}: {cause}"
             return self._fail(Trigger.ROBOT_STALE, text, t_ns)
         age_ns = t_ns - max(self._io.reference_ns, self._t_start_ns)
         if self._phase is Phase.RUNNING and age_ns > self._reference_stale_ns:
             bound = f"must be <= {self._reference_stale_ns / MS:.0f} ms (safety.reference_stale_ms)"
-            text = f"no reference for {age_ns / MS:.0f} ms; {bound}: the robot holds its position"
+            cause = self._pause.cause(age_ns, "nothing arrived from the streamer")
+            text = f"no reference for {age_ns / MS:.0f} ms; {bound}; the robot holds: {cause}"
             return self._fail(Trigger.REFERENCE_STALE, text, t_ns)
         return ()
 
@@ -118,7 +123,9 @@ class ControllerTask:
     def _refusal(self, order: Command, t_ns: int) -> str | None:
         stale = self._io.joints is None or t_ns - self._io.joints_ns > self._robot_stale_ns
         if stale and order.verb in (Verb.STATUS, Verb.ARM):
-            return "no joint state arrives from the encoders: is the bench running?"
+            return (
+                "no joint state arrives from the encoders; see bench.log in the folder of the run"
+            )
         return refusal(self._phase, order.verb)
 
     def _commanded(self) -> Position:
