@@ -1,4 +1,4 @@
-"""`rig laws`, `rig spline` and `rig motor-check` as their users meet them, against closed forms, scipy and printed figures."""
+"""`rig laws`, `rig spline`, `rig motor-check` against closed forms, scipy and printed figures."""
 
 import csv
 import math
@@ -32,7 +32,7 @@ MOTOR_OPTIONS = (
 
 @pytest.fixture
 def told(rig):
-    """The document of `rig ... --json` that ends well, or with the code that is expected."""
+    """JSON document of a verb, which must end with the expected exit code."""
 
     def call(*words, code=0):
         left, said, _ = rig(*words, "--json")
@@ -44,7 +44,7 @@ def told(rig):
 
 @pytest.fixture
 def points(tmp_path):
-    """Write a file of points; gives its path."""
+    """Function that writes a file of points and gives its path."""
 
     def write(*lines):
         path = tmp_path / "points.csv"
@@ -381,8 +381,8 @@ def test_a_task_of_options_alone_is_the_example_s(told):
 
 def test_a_screw_and_a_gear_are_felt_as_their_closed_form(told):
     document = told(
-        "motor-check", *MOTOR_OPTIONS, "--load-inertia", 4, "--gear-ratio", 2, "--distance", 0.1, "--radius", 0.02,
-        "--time", 3, "--law", "cubic",
+        "motor-check", *MOTOR_OPTIONS, "--load-inertia", 4, "--gear-ratio", 2,
+        "--distance", 0.1, "--radius", 0.02, "--time", 3, "--law", "cubic",
     )  # fmt: skip
     angle = 0.1 / 0.02 * 2
     assert document["inertia_kg_m2"] == pytest.approx(2.0)
@@ -405,7 +405,8 @@ def test_a_motor_that_is_too_hot_is_refused_and_the_rest_it_names_is_enough(told
 
 def test_a_file_is_read_and_options_win_over_it(told, rig, tmp_path):
     (tmp_path / "task.toml").write_text(
-        "[motor]\ncontinuous_torque_n_m = 8\npeak_torque_n_m = 20\nmax_speed_rad_s = 10\npeak_power_w = 90\n"
+        "[motor]\ncontinuous_torque_n_m = 8\npeak_torque_n_m = 20\n"
+        "max_speed_rad_s = 10\npeak_power_w = 90\n"
         "[drivetrain]\nmotor_inertia_kg_m2 = 1\nradius_m = 0.1\n"
         '[motion]\nlaw = "trapezoidal"\ndistance_m = 1.5\ntime_s = 3\nacceleration_m_s2 = 1.5\n'
     )
@@ -457,7 +458,7 @@ def test_an_unknown_key_and_a_broken_file_are_named(rig, tmp_path):
 @pytest.mark.parametrize(
     "verb", [("laws",), ("laws", "compare"), ("laws", "plot"), ("spline",), ("motor-check",)]
 )
-def test_every_new_verb_explains_itself(rig, verb):
+def test_the_help_of_each_verb_shows_its_usage(rig, verb):
     code, said, _ = rig(*verb, "--help")
     assert code == 0
     assert "Usage" in said
@@ -468,7 +469,7 @@ def test_a_search_that_would_take_minutes_is_refused_before_it_starts(rig, tmp_p
     (tmp_path / "many.csv").write_text("x_m\n" + "\n".join(str(k % 7) for k in range(40)))
     code, _, why = rig("spline", tmp_path / "many.csv", "--vmax", 3, "--amax", 2)
     assert code == 2
-    assert "the least time through 40 points by --kind b_spline_5; must be <= 25 points" in why
+    assert "minimum time through 40 points by --kind b_spline_5; must be <= 25 points" in why
 
 
 def test_a_table_of_a_hundred_million_rows_is_refused(rig, tmp_path):

@@ -1,4 +1,4 @@
-"""`rig size` as its users meet it: the worked axis of source 004, a spec of one's own, and what is refused."""
+"""`rig size`: the worked axis of source 004, other sizing files, and refusals."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ origin = "measured"
 
 @pytest.fixture
 def told(rig):
-    """The document of `rig size ... --json` and the exit code, which must fit each other."""
+    """JSON document of `rig size`, which must end with the expected exit code."""
 
     def call(*words, code=0):
         left, said, _ = rig("size", *words, "--json")
@@ -69,7 +69,7 @@ def told(rig):
 
 @pytest.fixture
 def spec(tmp_path):
-    """Write a spec; gives its path. before is what must stand ahead of the first section."""
+    """Function that writes a sizing file, `before` ahead of its first section; gives its path."""
 
     def write(text=SPEC, before=""):
         path = tmp_path / "spec.toml"
@@ -151,21 +151,26 @@ def test_the_catalogue_says_of_each_screw_what_it_breaks_and_where_its_figures_c
     assert rows["20x20"]["undecided"] == ["dynamic load", "life", "lead class"]
     assert all(row["broken"] or row["admissible"] for row in rows.values())
     _, said, _ = rig("size", "--example", "appendix", "--all")
-    assert "80V hp 20x5 20 x 5: breaks whirling 16280 > 4072 rpm (-300%)" in " ".join(said.split())
+    assert "80V hp 20x5 20 x 5: violates whirling 16280 > 4072 rpm (-300%)" in " ".join(
+        said.split()
+    )
     assert "origin of 80V hp 20x20, 80V hp 20x5: source 004, fig. C.12" in " ".join(said.split())
-    others = "origin of all others: size of the kind ISO 3408-2 lists: typical, general knowledge; confirm with the maker"
+    others = (
+        "origin of all others: size of the kind ISO 3408-2 lists: typical, general knowledge; "
+        "confirm with the maker"
+    )
     assert others in " ".join(said.split())
 
 
 def test_refused_entries_are_listed_with_what_they_break_and_by_how_much_only_on_demand(rig):
     said = " ".join(rig("size", "--example", "appendix")[1].split())
     assert (
-        "17 do not fit, --all tells by how much: 25x20 (ball speed), 32x20 (ball speed, motor torque), "
-        in said
+        "17 not admissible (--all lists the values): 25x20 (ball speed), "
+        "32x20 (ball speed, motor torque), " in said
     )
     assert "12x5 (whirling, ball speed, motor speed)" in said
-    assert " breaks " not in said
-    assert "do not fit" not in rig("size", "--example", "appendix", "--all")[1]
+    assert " violates " not in said
+    assert "not admissible (" not in rig("size", "--example", "appendix", "--all")[1]
 
 
 def test_a_hopeless_margin_is_not_spelt_out(told, rig, spec):
@@ -206,8 +211,8 @@ def test_the_document_has_the_motion_law_table_as_rows(told):
 def test_an_aside_tells_what_a_thinner_core_would_change(rig, spec):
     said = " ".join(rig("size", "--example", "appendix")[1].split())
     assert (
-        "one of 0.9 d, 18 mm, has a critical speed of 3665 in place of 4072 rpm, too low for 4071 rpm: give core"
-        in said
+        "one of 0.9 d, 18 mm, has a critical speed of 3665 in place of 4072 rpm, "
+        "too low for 4071 rpm: give core" in said
     )
     assert "too low" not in rig("size", "--example", "appendix", "--entry", "20x40")[1]
     cored = MY_SCREW.replace("lead_m", "core_diameter_m = 0.0223\nlead_m")
@@ -472,7 +477,8 @@ def test_without_a_choice_the_verdict_says_which_screw_is_meant_and_what_is_not_
     ]
     verdict = " ".join(rig("size", path)[1].partition("verdict: ")[2].split())
     assert verdict.startswith(
-        f"{searched['judged']}, best of the 7 that fit (told in full first, then greatest least margin): "
+        f"{searched['judged']}, best of 7 admissible "
+        "(told in full first, then greatest least margin): "
     )
     assert all(reason in verdict for reason in searched["reasons"])
     told_in_full = told(spec(SPEC + MY_SCREW + "[wishes]\nlife_h = 1000\nlead_class = 'ISO 5'\n"))
@@ -507,8 +513,8 @@ def test_a_catalogue_of_which_nothing_fits_is_told_and_drawn_too(rig, spec, tmp_
         "size", spec(SPEC.replace("time_s = 1.0", "time_s = 0.05")), "--plot", "chart.svg"
     )
     assert code == 3
-    assert "catalogue: 0 of 21 fit" in said
-    assert ", nearest of 21, of which none fits: diameter " in said
+    assert "catalogue: 0 of 21 admissible" in said
+    assert ", nearest of 21, none admissible: diameter " in said
     assert "0 of 21 entries of the catalogue fit" in said
     assert (tmp_path / "chart.svg").stat().st_size > 1000
 
@@ -516,9 +522,12 @@ def test_a_catalogue_of_which_nothing_fits_is_told_and_drawn_too(rig, spec, tmp_
 def test_a_spec_without_a_choice_is_told_as_tables_too(rig, spec):
     code, said, _ = rig("size", spec())
     assert code == 0
-    assert "least lead of all screws" in said
-    assert "20x40, best of the 8 that fit: diameter 20 mm, lead 40 mm" in said
-    last = "verdict: 20x40, best of the 8 that fit (told in full first, then greatest least margin): fits"
+    assert "least admissible lead" in said
+    assert "20x40, best of 8 admissible: diameter 20 mm, lead 40 mm" in said
+    last = (
+        "verdict: 20x40, best of 8 admissible "
+        "(told in full first, then greatest least margin): admissible"
+    )
     assert " ".join(said.split()).endswith(last)
 
 
@@ -531,7 +540,10 @@ def test_no_line_is_wider_than_the_terminal(rig, monkeypatch, columns):
 
 
 def test_the_chart_is_drawn_with_a_line_for_every_limit_that_is_asked(rig, spec, tmp_path):
-    wishes = "[wishes]\nlife_h = 1e4\nsag_m = 5e-4\nposition_error_m = 2e-5\nangle_error_rad = 3e-3\nbandwidth_rad_s = 300\n"
+    wishes = (
+        "[wishes]\nlife_h = 1e4\nsag_m = 5e-4\nposition_error_m = 2e-5\n"
+        "angle_error_rad = 3e-3\nbandwidth_rad_s = 300\n"
+    )
     path = spec(SPEC + wishes + MY_SCREW, before='choice = "mine"\n')
     code, _, _ = rig("size", path, "--plot", "chart.svg")
     assert code == 0
