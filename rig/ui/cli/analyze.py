@@ -1,4 +1,4 @@
-"""`rig analyze`: analyse the log of a run."""
+"""`rig analyze`: analysis of the log of a run."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def _write_csv(analysis: RunAnalysis, path: Path) -> None:
 
 
 def _true_angle(t_s: float, truth: object) -> float | str:
-    """True angle at an instant [rad]; empty outside the recorded truth."""
+    """Interpolate the true angle at an instant [rad]; empty outside the recorded truth."""
     from rig.analysis.identify.errors import AnalysisError
     from rig.analysis.identify.swing import truth_at
 

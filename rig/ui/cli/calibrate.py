@@ -1,4 +1,4 @@
-"""`rig calibrate offsets`: measure the angle offset of the camera over platform position."""
+"""`rig calibrate offsets`: calibration of the camera's angle offset over platform position."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import typer
 from rich.progress import Progress
 from rich.table import Table
 
+from rig.analysis.identify.offsets import OffsetCalibration
 from rig.analysis.run_log import RunLog
 from rig.errors import Stopped
 from rig.run import config, experiment
@@ -88,6 +89,13 @@ def offsets(
     if as_json:
         print_json({"file": str(path), "run_dir": str(ran.folder), "calibration": calibration})
         return 0
+    _print_calibration(found, calibration, path)
+    return 0
+
+
+def _print_calibration(
+    found: OffsetCalibration, calibration: calibration_file.Calibration, path: Path
+) -> None:
     table = Table(title=f"angle offset over position, {calibration.camera}", title_justify="left")
     for heading in ("x [m]", "offset [mrad]", "sigma [mrad]", "swing [mrad]"):
         table.add_column(heading, justify="right")
@@ -101,4 +109,3 @@ def offsets(
     out.print(f"pivot at home ({u:.2f}, {v:.2f}) px{row}, {found.pixels_per_m:.2f} px/m")
     option = f"--set vision.calibration={shlex.quote(str(path))}"
     out.print(f"{path}  use it with {option}", style="bold")
-    return 0

@@ -1,4 +1,4 @@
-"""`rig compare`: compare our figures with the published tables of source 004."""
+"""`rig compare`: comparison of our figures with the published tables of source 004."""
 
 from __future__ import annotations
 

@@ -78,7 +78,7 @@ def print_summary(every: Sequence[RowComparison]) -> None:
 
 
 def _page() -> Console:
-    """Console with the width of the terminal or of COLUMNS; FILE_WIDTH for a file."""
+    """Create a console with the width of the terminal or of COLUMNS; FILE_WIDTH for a file."""
     is_known = sys.stdout.isatty() or "COLUMNS" in os.environ
     width = shutil.get_terminal_size().columns if is_known else FILE_WIDTH
     return Console(width=width, highlight=False, markup=False)
@@ -92,7 +92,7 @@ def _unexpected_line(c: RowComparison) -> str:
 
 
 def _glossary(comparisons: Sequence[RowComparison]) -> str:
-    """Meaning of the words in the techniques of a table."""
+    """Explain the words in the techniques of a table."""
     words = dict.fromkeys(word for c in comparisons for word in c.row.technique.split())
     meanings = []
     for word in words:
@@ -102,7 +102,7 @@ def _glossary(comparisons: Sequence[RowComparison]) -> str:
 
 
 def _label(c: RowComparison, notes: dict[str, int]) -> Text:
-    """Verdict with the numbers of its notes; new notes get the next numbers."""
+    """Create a label of verdict and note numbers; new notes get the next numbers."""
     reasons = [reason for reason in (c.reason, c.sampling) if reason]
     numbers = [str(notes.setdefault(reason, len(notes) + 1)) for reason in reasons]
     suffix = f" ({','.join(numbers)})" if numbers else ""
@@ -110,7 +110,7 @@ def _label(c: RowComparison, notes: dict[str, int]) -> Text:
 
 
 def _wide_table(comparisons: Sequence[RowComparison], labels: Sequence[Text]) -> Table:
-    """Table with three lines a row: published, ours and exact."""
+    """Create a table with three lines a row: published, ours and exact."""
     view = Table(padding=(0, 1, 0, 0), box=None)
     for header in ("technique", "T [s]", ""):
         view.add_column(header, no_wrap=True)
@@ -127,7 +127,7 @@ def _wide_table(comparisons: Sequence[RowComparison], labels: Sequence[Text]) ->
 
 
 def _narrow_table(c: RowComparison, label: Text) -> Table:
-    """Table of one row: one line a figure."""
+    """Create the table of one row: one line a figure."""
     title = Text(f"{c.row.technique}, T = {c.row.time_s:g} s: ") + label
     view = Table(title=title, title_justify="left", title_style="", padding=(0, 1, 0, 0), box=None)
     view.add_column("", no_wrap=True)
@@ -140,7 +140,7 @@ def _narrow_table(c: RowComparison, label: Text) -> Table:
 
 
 def _figures(c: RowComparison, column: str) -> tuple[Text, Text, Text]:
-    """Published, our and exact figure of a column."""
+    """Format published, our and exact figure of a column."""
     return (
         _figure(column, c.row.published.get(column)),
         _figure(column, c.ours.get(column), differs=column in c.off),
@@ -155,7 +155,7 @@ def _header(column: str) -> str:
 
 
 def _unit(column: str) -> tuple[str, float]:
-    """Unit shown and scale of a column."""
+    """Look up unit and scale of a column."""
     return next(unit for ending, unit in UNITS.items() if column.endswith(ending))
 
 

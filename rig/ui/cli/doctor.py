@@ -1,4 +1,4 @@
-"""`rig doctor`: check that this machine can run experiments."""
+"""`rig doctor`: checks of the machine before a run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`rig laws`: list motion laws, compare them under limits, draw them."""
+"""`rig laws`: list, comparison under limits, and figures of motion laws."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`rig motor-check`: check a motor that repeats a motion, with margins."""
+"""`rig motor-check`: check of a motor that repeats a motion, with margins."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def motor_check(
     """
     if file is not None and example is not None:
         raise ConfigError(
-            f"--example {example} with file '{file}'; must be one of the two: leave one out"
+            f"--example {example} with file '{file}'; must be one of the two: omit one"
         )
     tables: dict[str, Any] = {}
     if file is not None:
@@ -157,7 +157,7 @@ def motor_check(
 
 
 def _table(tables: dict[str, Any], name: str) -> dict[str, Any]:
-    """Section of the file, created if missing; empty if the key is not a section."""
+    """Get a section of the file, created if missing; empty if the key is not a section."""
     table = tables.setdefault(name, {})
     return table if isinstance(table, dict) else {}
 

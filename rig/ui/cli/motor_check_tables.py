@@ -33,7 +33,7 @@ class CheckRow(NamedTuple):
 
 
 def document(task: MotorTask, v: Verdict) -> dict[str, object]:
-    """JSON document of a motor check."""
+    """Create the JSON document of a motor check."""
     need = v.effort
     printed = task.published
     return {
@@ -162,7 +162,7 @@ def _instant(t_s: float) -> str:
 
 
 def _printed_figure(printed: float | None, exact: float) -> str:
-    """Printed figure of the source, marked ≠ where it is not the exact one rounded."""
+    """Format a printed figure, marked ≠ where it is not the exact one rounded."""
     if printed is None:
         return ""
     mark = " ≠" if abs(printed / exact - 1.0) > PRINTED_ROUNDING_REL else ""

@@ -1,29 +1,23 @@
-"""`rig plan`: plan a move and predict its residual swing."""
+"""`rig plan`: plan of a move, with predicted residual swing."""
 
 from __future__ import annotations
 
-import csv
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
-from rich.table import Table
 
 from comms.clock import stopwatch_s
 from planners import catalog
 from planners.laws import LAWS
-from planners.models.chain import ChainModel
-from planners.models.model import INPUTS, LAG_S, cart_of
-from planners.problem import Limits, Plan, Problem
+from planners.models.model import INPUTS, LAG_S
+from planners.problem import Limits, Problem
 from rig.errors import REFUSED, ConfigError
 from rig.run.config import LimitsSection, ModelSection
 from rig.run.load_model import model_of
+from rig.ui.cli import plan_tables
 from rig.ui.cli.output import out, print_json
 from rig.ui.plots import picture_file
-
-TABLE_SAMPLE_S = 0.01
 
 
 def plan(
@@ -129,28 +123,12 @@ def plan(
 
     Exit code 3 when the plan exceeds a limit.
     """
-    for option, text in (
-        ("--links", links),
-        ("--stiffness", stiffness),
-        ("--joint-damping", joint_damping),
-    ):
-        if text is not None and not text.strip():
-            raise ConfigError(f"{option} ''; must not be empty: omit the option")
-    if links is not None and length is not None:
-        raise ConfigError(
-            f"--length {length:g} with --links {links}; must be one of the two: leave one out"
-        )
-    if links is not None and mass is not None:
-        raise ConfigError(
-            f"--mass {mass:g} with --links {links}; must be one of the two: "
-            "each link has its own mass, omit --mass"
-        )
-    robust_names = [name.strip() for text in robust or () for name in text.split(",")]
-    if not all(robust_names) or len(set(robust_names)) < len(robust_names):
-        raise ConfigError(
-            f"--robust {', '.join(robust or [])!r}; must name each parameter once: "
-            "e.g. --robust length"
-        )
+    _check_not_empty("--links", links)
+    _check_not_empty("--stiffness", stiffness)
+    _check_not_empty("--joint-damping", joint_damping)
+    if links is not None:
+        _check_chain_alone(links, length, mass)
+    robust_names = _robust_names(robust or [])
     if plot is not None:
         picture_file.check(plot)
     if csv_file is not None:
@@ -171,7 +149,7 @@ def plan(
         model=model_of(section),
         input=model,
         lag_s=lag,
-        robust=tuple(robust_names),
+        robust=robust_names,
         law=law,
         nonlinear=nonlinear,
         start_state=_states("--start", start or []),
@@ -181,21 +159,50 @@ def plan(
     )
     result = catalog.plan(planner, problem, stopwatch_s)
     if csv_file is not None:
-        _write_csv(result, csv_file)
+        plan_tables.write_csv(result, csv_file)
     if plot is not None:
         from rig.ui.plots.plan import draw_plan  # matplotlib is slow to import
 
         picture_file.save(draw_plan(result), plot)
     if as_json:
-        print_json(_document(result))
+        print_json(plan_tables.document(result))
     else:
-        out.print(_table(result))
+        out.print(plan_tables.plan_table(result))
         for reason in result.reasons:
             out.print(f"over limits: {reason}", style="yellow")
     return REFUSED if result.reasons else 0
 
 
+def _check_not_empty(option: str, text: str | None) -> None:
+    if text is not None and not text.strip():
+        raise ConfigError(f"{option} ''; must not be empty: omit the option")
+
+
+def _check_chain_alone(links: str, length: float | None, mass: float | None) -> None:
+    """Check that no option of a cable is given with --links; raises ConfigError."""
+    if length is not None:
+        raise ConfigError(
+            f"--length {length:g} with --links {links}; must be one of the two: omit one"
+        )
+    if mass is not None:
+        raise ConfigError(
+            f"--mass {mass:g} with --links {links}; must be one of the two: "
+            "each link has its own mass, omit --mass"
+        )
+
+
+def _robust_names(texts: list[str]) -> tuple[str, ...]:
+    """Split comma lists of parameters; raises ConfigError for an empty or repeated name."""
+    names = [name.strip() for text in texts for name in text.split(",")]
+    if not all(names) or len(set(names)) < len(names):
+        raise ConfigError(
+            f"--robust {', '.join(texts)!r}; must name each parameter once: e.g. --robust length"
+        )
+    return tuple(names)
+
+
 def _numbers(option: str, text: str | None) -> list[float]:
+    """Parse a comma list of numbers; raises ConfigError."""
     try:
         return [float(word) for word in (text or "").split(",") if word.strip()]
     except ValueError:
@@ -206,11 +213,12 @@ def _numbers(option: str, text: str | None) -> list[float]:
 
 
 def _states(option: str, texts: list[str]) -> dict[str, float]:
+    """Parse state=value, each state once; raises ConfigError."""
     states: dict[str, float] = {}
     for text in texts:
         name, _, value = text.partition("=")
         if name.strip() in states:
-            raise ConfigError(f"{option} {name.strip()} twice; must be once: leave one out")
+            raise ConfigError(f"{option} {name.strip()} twice; must be once: omit one")
         try:
             states[name.strip()] = float(value)
         except ValueError:
@@ -218,69 +226,3 @@ def _states(option: str, texts: list[str]) -> dict[str, float]:
                 f"{option} {text!r}; must be state=value: e.g. {option} angle_rad=0.05"
             ) from None
     return states
-
-
-def _document(result: Plan) -> dict[str, object]:
-    p = result.problem
-    return {
-        "planner": result.planner,
-        "model": p.input,
-        "robust": list(p.robust),
-        "distance_m": p.distance_m,
-        "time_s": p.time_s,
-        **asdict(result.metrics),
-        "compute_s": result.compute_s,
-        "status": result.status.value,
-        "reasons": list(result.reasons),
-    }
-
-
-def _table(result: Plan) -> Table:
-    p = result.problem
-    m = result.metrics
-    cart = cart_of(p.input)
-    frequencies_hz = p.model.modes(cart).natural_frequencies_hz
-    if isinstance(p.model, ChainModel):
-        load = f"{p.model.links_count} links"
-    else:
-        load = f"cable {p.model.parameters['length']:g} m"
-    words = [
-        f"{result.planner}: {p.distance_m:g} m in {p.time_s:g} s",
-        load,
-        f"{p.input} input",
-    ]
-    if p.robust:
-        words.append(f"robust to {', '.join(p.robust)}")
-    if p.nonlinear:
-        words.append("nonlinear")
-    table = Table(title=", ".join(words), title_justify="left")
-    table.add_column("")
-    table.add_column("", justify="right")
-    rows = (
-        (f"natural frequencies, platform {cart}", ", ".join(f"{f:.4f} Hz" for f in frequencies_hz)),
-        ("peak swing, nonlinear load", f"{m.peak_swing_rad * 1e3:.3f} mrad"),
-        ("residual swing, small swings", f"{m.residual_swing_rad * 1e3:.3g} mrad"),
-        ("residual swing, nonlinear load", f"{m.residual_swing_nonlinear_rad * 1e3:.3g} mrad"),
-        ("peak / rms speed", f"{m.peak_speed_m_s:.4f} / {m.rms_speed_m_s:.4f} m/s"),
-        (
-            "peak / rms acceleration",
-            f"{m.peak_acceleration_m_s2:.4f} / {m.rms_acceleration_m_s2:.4f} m/s²",
-        ),
-        ("travel", f"{m.travel_m:.4f} m"),
-        ("acceleration continuous", "yes" if m.acceleration_continuous else "no"),
-        ("computing time", f"{(result.compute_s or 0) * 1e3:.2f} ms"),
-        ("status", result.status.value),
-    )
-    for row in rows:
-        table.add_row(*row)
-    return table
-
-
-def _write_csv(result: Plan, path: Path) -> None:
-    end_s = result.motion.duration_s
-    t = np.append(np.arange(0.0, end_s - TABLE_SAMPLE_S * 1e-6, TABLE_SAMPLE_S), end_s)
-    columns = np.column_stack([t, *(result.motion.x.at(t, order) for order in range(3))])
-    with path.open("w", newline="") as file:
-        rows = csv.writer(file)
-        rows.writerow(["t_s", "position_m", "speed_m_s", "acceleration_m_s2"])
-        rows.writerows([f"{value:.9g}" for value in row] for row in columns)

@@ -1,4 +1,4 @@
-"""`rig run`: run an experiment, from the plan to the report."""
+"""`rig run`: run of an experiment, from the plan to the report."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def run(
     if planner and chosen[0].move.waypoints:
         raise ConfigError(
             f"--planner {planner} with [move] waypoints; "
-            "must be without: [move] spline plans a move through waypoints, leave --planner out"
+            "must be without: [move] spline plans a move through waypoints, omit --planner"
         )
     for experiment_file in chosen:  # a planner that fails is reported before anything moves
         plan_move(experiment_file)
@@ -157,7 +157,7 @@ def _show_results(ran: experiment.Ran, quiet: bool, report: bool, run_s: float) 
 
 
 def _phase_name(done_s: float, e: config.Experiment) -> str:
-    """Name of the phase of a run, done_s after its start [s]."""
+    """Name the phase of a run, done_s after its start [s]."""
     if not e.moves:
         return "watching"
     if done_s < e.experiment.quiet_s:
@@ -231,7 +231,7 @@ def _comparison(summaries: list[Summary]) -> Table:
 
 
 def _plan_description(plan: Plan) -> str:
-    """Planner, move and options of a plan in one line."""
+    """Describe planner, move and options of a plan in one line."""
     p = plan.problem
     words = [
         f"{plan.planner}: {p.distance_m:g} m along {p.axis} in {p.time_s:g} s",

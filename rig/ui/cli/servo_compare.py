@@ -1,4 +1,4 @@
-"""`rig servo compare`: compare drive controllers on the simulated elastic joint."""
+"""`rig servo compare`: comparison of drive controllers on the simulated elastic joint."""
 
 from __future__ import annotations
 
@@ -145,7 +145,7 @@ def _run_moves(
 def _verdict(
     facts: Mapping[str, LoopAnalysis], rows: Sequence[ControllerRun]
 ) -> tuple[str, list[str]]:
-    """Verdict with its reasons.
+    """Judge a comparison; gives verdict and reasons.
 
     bad: no move settled. doubtful: some move did not, or a loop is unstable on its model.
     """

@@ -60,7 +60,7 @@ NYQUIST_SHARE = 0.99  # zeros above this share of the Nyquist frequency come fro
 def document(
     spec: ServoSpec, facts: Mapping[str, LoopAnalysis], rows: Sequence[ControllerRun]
 ) -> dict[str, Any]:
-    """JSON document of a comparison, without its verdict."""
+    """Create the JSON document of a comparison, without its verdict."""
     variants = dict.fromkeys(row.truth for row in rows)
     return {
         "exit_status": "ok" if any(row.outcome.arrived for row in rows) else "bad_data",
@@ -106,7 +106,7 @@ def _design_document(found: LoopAnalysis) -> dict[str, Any]:
 
 
 def residual_ratio(row: ControllerRun, rows: Sequence[ControllerRun]) -> float | None:
-    """Residual over that of the first controller on the same move; None unless both settled."""
+    """Compute the residual over that of the first controller; None unless both settled."""
     first = next(r for r in rows if (r.truth, r.move) == (row.truth, row.move))
     if first is row or not first.outcome.residual:
         return None

@@ -1,4 +1,4 @@
-"""`rig servo notch`: compare placements of a notch filter for the resonance of a joint."""
+"""`rig servo notch`: placements of a notch filter for the resonance of a joint."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def _check(**options: float) -> None:
 
 
 def _joint(name: str, own: dict[str, float | None]) -> TwoMass:
-    """Joint of a name, or the normalised one with its own parameters.
+    """Look up a joint by name, or create the normalised one.
 
     Raises ConfigError for parameters of the normalised joint with another one, PlanError for
     an unknown joint.
@@ -165,7 +165,7 @@ def _normalised(values: dict[str, float]) -> TwoMass:
 
 
 def _detuned(task: NotchTask, detune: float) -> tuple[NotchRow, ...]:
-    """Rows of notches tuned too low and too high by the same factor, in both placements."""
+    """Evaluate notches tuned too low and too high by one factor, in both placements."""
     from rig.studies.servo.notch import detuned
 
     factors = sorted({detune, 1.0 / detune} - {1.0})

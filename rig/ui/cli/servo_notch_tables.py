@@ -36,7 +36,7 @@ def document(
     digital: Sequence[Sampled],
     period_s: float,
 ) -> dict[str, Any]:
-    """JSON document of a notch study."""
+    """Create the JSON document of a notch study."""
     return {
         "exit_status": "ok",
         "joint": joint,

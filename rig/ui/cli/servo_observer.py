@@ -1,4 +1,4 @@
-"""`rig servo observer`: analyse a torque disturbance observer on an elastic joint."""
+"""`rig servo observer`: analysis of a torque disturbance observer on an elastic joint."""
 
 from __future__ import annotations
 

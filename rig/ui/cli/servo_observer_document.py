@@ -23,7 +23,7 @@ EFFECTS = {  # of the rigid nominal: phrase of the verdict
 def document(
     joint: str, task: ObserverTask, rows: Sequence[ObserverRow], bare: Rejection, turn: Turns
 ) -> dict[str, Any]:
-    """JSON document of an observer study; an interval bound of null is infinite."""
+    """Create the JSON document of an observer study; an interval bound of null is infinite."""
     return {
         "exit_status": "ok",
         "joint": joint,
@@ -116,7 +116,7 @@ def _milliseconds(time_s: float) -> str:
 
 
 def time_constant_text(task: ObserverTask, time_constant_s: float) -> str:
-    """Time constant [ms], or the limit that it stands for."""
+    """Format a time constant [ms], or the limit that it stands for."""
     share = time_constant_s * task.joint.antiresonance_rad_s
     if share < 1.0 / LIMIT_RATIO:
         return "→ 0"

@@ -1,4 +1,4 @@
-"""`rig servo shaping`: compare input shapers on a joint with parameter errors."""
+"""`rig servo shaping`: comparison of input shapers on a joint with parameter errors."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def shaping(
 def _document(
     task: ShapingTask, rows: Sequence[Robustness], pulses: dict[str, FloatArray]
 ) -> dict[str, Any]:
-    """JSON document of a shaper study; residuals relative to 1, not in percent."""
+    """Create the JSON document of a shaper study; residuals relative to 1, not in percent."""
     residuals = {
         name: {"nominal": float(left[0]), "cases": left[1:].tolist()}
         for name, left in pulses.items()

@@ -1,4 +1,4 @@
-"""`rig sim`: render a synthetic video of a swinging load, with its true angles."""
+"""`rig sim`: synthetic video of a swinging load, with its true angles."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`rig size`: size a ball-screw axis and assess the entries of a catalogue."""
+"""`rig size`: sizing of a ball-screw axis, with the entries of a catalogue assessed."""
 
 from __future__ import annotations
 

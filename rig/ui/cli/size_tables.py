@@ -89,7 +89,7 @@ def _print_wrapped(text: str, style: str = "", indent: str = "") -> None:
 
 
 def _place(result: Judgement) -> str:
-    """Place of the assessed screw in the catalogue; empty for a choice."""
+    """Describe the place of the assessed screw in the catalogue; empty for a choice."""
     if result.chosen:
         return ""
     if result.fitting:
@@ -135,7 +135,7 @@ def _margin(margin: float, decimals: int) -> str:
 
 
 def _motion_table(rows: Sequence[CyclePhaseRow], cycle: Cycle) -> Table:
-    """Table of the motion laws by move and phase; equal moves once."""
+    """Create the table of the motion cycle by move and phase; equal moves once."""
     first = [cycle.moves.index(move) + 1 for move in cycle.counts]
     once = "" if len(first) == len(cycle.moves) else "; equal moves once"
     view = Table(title=f"cycle by move and phase; phase 0: rest{once}", title_justify="left")
@@ -183,7 +183,7 @@ def _print_entry(a: Assessment, name_width: int) -> None:
 
 
 def _violated_checks(a: Assessment) -> str:
-    """Short names of the violated checks, each once."""
+    """List the short names of the violated checks, each once."""
     names = (check.name.partition(",")[0].removesuffix(" d n") for check in a.broken)
     return ", ".join(dict.fromkeys(names))
 

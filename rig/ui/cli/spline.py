@@ -1,4 +1,4 @@
-"""`rig spline`: plan a motion through points and check it against limits."""
+"""`rig spline`: motion through points, checked against limits."""
 
 from __future__ import annotations
 
@@ -143,7 +143,7 @@ def spline(
 
 
 def _interpolation(kind: str, limits: AxisLimits) -> Callable[[FloatArray, FloatArray], Trajectory]:
-    """Function (times_s, points_m) to trajectory of a kind; raises ConfigError."""
+    """Look up the function (times_s, points_m) -> trajectory of a kind; raises ConfigError."""
     if kind != BLENDS:
         return SPLINES[kind]
     if not math.isfinite(limits.acceleration_m_s2):
@@ -161,7 +161,7 @@ def _path(
     times_s: FloatArray,
     points_m: FloatArray,
 ) -> Trajectory:
-    """Trajectory of one axis through its points, which may all be equal."""
+    """Compute the trajectory of one axis through its points, which may all be equal."""
     if np.ptp(points_m) == 0.0:
         return Trajectory.hold(float(points_m[0]), float(times_s[-1]))
     return interpolate(times_s, points_m)
@@ -175,7 +175,7 @@ def _timing(
     total_s: float | None,
     retime: bool,
 ) -> PassageTimes:
-    """Times of the file, the divided total time, or the minimum time within the limits.
+    """Take the times of the file, divide the total time, or find the minimum time.
 
     Raises ConfigError for times that are given twice or not at all.
     """
@@ -221,5 +221,5 @@ def _timing(
 
 
 def _from_zero(durations_s: FloatArray) -> FloatArray:
-    """Instants from 0 on, of durations one after the other."""
+    """Add up durations to instants from 0 on."""
     return np.concatenate([[0.0], np.cumsum(durations_s)])

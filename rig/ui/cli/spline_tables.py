@@ -43,13 +43,13 @@ class PassageTimes(NamedTuple):
 
 
 def axis_positions(points: Waypoints) -> Iterator[tuple[str, FloatArray]]:
-    """Name and positions (N,) [m] of every axis of the file."""
+    """Iterate over name and positions (N,) [m] of every axis of the file."""
     for column in points.axes:
         yield column.removesuffix("_m"), points.points_m[:, AXES.index(column)]
 
 
 def _continuity(path: Trajectory) -> str:
-    """Continuity class Cn: derivatives up to n have no step, at the ends either.
+    """Determine the continuity class Cn: derivatives up to n have no step, at the ends either.
 
     A speed other than 0 at an end gives C0.
     """
@@ -60,7 +60,7 @@ def _continuity(path: Trajectory) -> str:
 
 
 def step_violations(path: Trajectory, limits: AxisLimits) -> Iterator[str]:
-    """Texts on limits exceeded by a step of the derivative below, not visible in a range."""
+    """Describe limits exceeded by a step of the derivative below, not visible in a range."""
     for order, name in OF_ORDER.items():
         if math.isfinite(limits.of_order(order)) and not path.continuous(order - 1):
             yield (
@@ -70,7 +70,7 @@ def step_violations(path: Trajectory, limits: AxisLimits) -> Iterator[str]:
 
 
 def _largest_deviation_m(path: Trajectory, times_s: FloatArray, points_m: FloatArray) -> float:
-    """Largest distance between a point and the path at the instant of the point [m]."""
+    """Compute the largest distance of a point from the path at the instant of the point [m]."""
     return float(np.abs(path.at(times_s) - points_m).max())
 
 
@@ -82,7 +82,7 @@ def document(
     found: Mapping[str, SplineAnalysis],
     warnings: Sequence[str],
 ) -> dict[str, object]:
-    """JSON document of a motion through points."""
+    """Create the JSON document of a motion through points."""
     axes = {}
     for axis, row in axis_positions(points):
         axes[axis] = {
@@ -105,7 +105,7 @@ def document(
 
 
 def range_table(kind: str, timing: PassageTimes, found: Mapping[str, SplineAnalysis]) -> Table:
-    """Table of minimum, maximum, peak and rms of position to jerk, axis by axis."""
+    """Create the table of minimum, maximum, peak and rms of position to jerk."""
     count = timing.times_s.size
     title = f"{kind} through {count} points in {timing.times_s[-1]:.6f} s, {timing.how}"
     headers = ("axis", "quantity", "minimum", "maximum", "peak", "at [s]", "interval", "rms")

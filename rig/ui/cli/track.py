@@ -1,4 +1,4 @@
-"""`rig track`: measure the cable angle in a video file."""
+"""`rig track`: cable angle in every frame of a video file."""
 
 from __future__ import annotations
 

@@ -184,7 +184,7 @@ def _draw_in_rows(names: Sequence[str]) -> Figure:
 
 
 def _largest_values(names: Sequence[str]) -> list[float]:
-    """Largest absolute value of each derivative over all laws."""
+    """Compute the largest absolute value of each derivative over all laws."""
     return [max(LAWS[name](1.0).peak(order).value for name in names) for order in range(4)]
 
 
@@ -210,7 +210,7 @@ def _draw_law(
 
 
 def _acceleration_steps(law: Trajectory) -> list[tuple[float, bool]]:
-    """Instants of the steps in acceleration [s]; True for a step upward."""
+    """List the instants of steps in acceleration [s]; True for a step upward."""
     ends = [piece.at(np.array([0.0, piece.duration_s]), 2).tolist() for piece in law.pieces]
     values = [0.0, *(value for pair in ends for value in pair), 0.0]
     steps = [

@@ -198,7 +198,7 @@ def _two_panels() -> tuple[Figure, tuple[Axes, Axes]]:
 
 
 def _move_window(run: RunLog) -> tuple[float, float]:
-    """Start and end of the time shown around the move [s] on the clock of the run."""
+    """Compute start and end of the time shown around the move [s], run clock."""
     end_s = run.plan.time_s if run.plan.time_s else run.plan.watch_s
     return run.t_move_s - AROUND_S, run.t_move_s + end_s + AROUND_S
 

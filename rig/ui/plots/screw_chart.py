@@ -183,6 +183,6 @@ def _violation_notes(broken: Sequence[Assessment]) -> list[str]:
 
 
 def _is_inside(axis: AxisSpec, a: Assessment, judged: Assessment) -> bool:
-    """True for a screw in the admissible region."""
+    """Check whether a screw lies in the admissible region."""
     here = region(axis, np.array([a.candidate.diameter_m]), judged.candidate)
     return bool(here.low_m[0] <= a.candidate.lead_m <= here.high_m[0])

@@ -91,7 +91,7 @@ def _label(family: str) -> str:
 
 
 def _remarks(document: dict[str, Series]) -> Iterator[str]:
-    """Remarks on curves above TOP_MRAD, and on plans above it without parameter error."""
+    """Describe curves above TOP_MRAD, and plans above it without parameter error."""
     yield (
         f"Curves are cut at {TOP_MRAD:g} mrad; "
         "`rig compare sensitivity --json` gives all their values."

@@ -51,7 +51,7 @@ def draw_notch(task: NotchTask) -> Figure:
 
 
 def _legend_handles() -> list[Line2D]:
-    """Legend entries of the markers, in a neutral colour."""
+    """Create the legend entries of the markers, in a neutral colour."""
     marks: tuple[tuple[str, dict[str, Any]], ...] = (
         ("speed loop", {"marker": "x", "ls": ""}),
         ("position loop", {"marker": "o", "mfc": "none", "ls": ""}),
@@ -62,7 +62,7 @@ def _legend_handles() -> list[Line2D]:
 
 
 def _shown_poles(row: Placement) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-    """Poles of speed loop and position loop, cancelled poles of the latter [1/s]."""
+    """Collect the poles of both loops, and the cancelled ones of the position loop [1/s]."""
     return row.speed.shown_poles_1_s, row.position.shown_poles_1_s, row.position.hidden_poles_1_s
 
 

@@ -30,7 +30,8 @@ EXCITED = PALE_RED
 UNSTABLE = LIGHT_RED
 DECADES = 3.0  # of the time constant, each side of 1 / omega_z
 CURVE_POINTS = 400  # of the damping ratio over the time constant
-FAST_FACTOR = 4.0  # the fast filter shown over the one that leaves the damping unchanged
+# largest time constant that reduces the damping (or the best one) over that of the fast filter
+FAST_FACTOR = 4.0
 AXIS_RANGE_REL = 1.2  # range of a panel over the largest value
 
 
@@ -68,7 +69,7 @@ def draw_observer(task: ObserverTask) -> Figure:
 
 
 def _curves(task: ObserverTask, turn: Turns) -> list[Curve]:
-    """Curves: no observer, two fast observers, the best damped one."""
+    """Choose the curves: no observer, two fast observers, the best damped one."""
     fast_s = (turn.excited[0][1] if _is_excited_when_fast(turn) else turn.best_s) / FAST_FACTOR
     fast, best = (f"$T_f$ = {1e3 * t:.3g} ms" for t in (fast_s, turn.best_s))
     return [
@@ -80,7 +81,7 @@ def _curves(task: ObserverTask, turn: Turns) -> list[Curve]:
 
 
 def _is_excited_when_fast(turn: Turns) -> bool:
-    """True when every time constant from 0 to a finite one reduces the damping."""
+    """Check whether all time constants from 0 to a finite one reduce the damping ratio."""
     if not turn.excited:
         return False
     low_s, high_s = turn.excited[0]
@@ -143,7 +144,7 @@ def _draw_damping(panel: Axes, task: ObserverTask, turn: Turns) -> None:
 
 
 def _bounds_ms(intervals: Iterable[tuple[float, float]]) -> str:
-    """Finite bounds of the intervals as text [ms]."""
+    """Format the finite bounds of the intervals [ms]."""
     bounds_s = [bound_s for interval in intervals for bound_s in interval]
     return ", ".join(f"{1e3 * bound_s:.3g}" for bound_s in bounds_s if 0.0 < bound_s < math.inf)
 

@@ -174,7 +174,7 @@ def test_equal_seeds_give_equal_videos(rig, tmp_path):
     assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
 
 
-def test_analyze_says_of_a_log_what_the_run_said(rig, recorded):
+def test_analyze_gives_the_result_of_the_run(rig, recorded):
     code, said, _ = rig("analyze", recorded, "--json", "--csv", "swing.csv")
     assert code == 0
     assert msgspec.json.decode(said)["run_id"] == recorded.name
@@ -252,7 +252,7 @@ def test_a_broken_experiment_file_is_named_with_its_line(rig, tmp_path):
     assert "line 1" in said
 
 
-def test_a_log_that_is_none_is_told_from_one_that_was_cut_short(rig, recorded, tmp_path):
+def test_a_file_that_is_no_log_is_distinguished_from_a_truncated_log(rig, recorded, tmp_path):
     (tmp_path / "noise.mcap").write_bytes(b"not a log" * 100)
     code, _, said = rig("analyze", "noise.mcap")
     assert (code, "not an MCAP file" in said) == (6, True)
@@ -392,7 +392,7 @@ def test_a_plan_starts_from_a_swinging_load_and_weighs_states(rig):
         (["--plot", "plan.doc"], "--plot 'plan.doc'; must end in one of .svg, .png, .pdf"),
     ],
 )
-def test_a_plan_that_cannot_be_is_refused_by_name(rig, words, told):
+def test_an_invalid_plan_is_refused_by_name(rig, words, told):
     code, said, why = rig("plan", *words)
     assert (code, said) == (2, "")
     assert told in why
@@ -461,7 +461,7 @@ def test_a_published_table_is_shown_with_its_verdicts(rig):
         ("zvd", ['plan.law="double_s"']),
     ],
 )
-def test_any_law_runs_on_the_rig_as_it_is_or_shaped(rig, planner, changes):
+def test_any_law_runs_on_the_rig_unshaped_or_shaped(rig, planner, changes):
     words = [
         word
         for change in ["move.time_s=2.6", "model.length_m=0.98", *changes]

@@ -58,7 +58,7 @@ def sizes_of(group):
     )
 
 
-def test_the_legend_says_on_which_side_of_each_limit_a_screw_is_admissible(chart):
+def test_the_legend_shows_the_admissible_side_of_each_limit(chart):
     wishes = Wishes(
         life_h=2e7, sag_m=5e-5, position_error_m=1e-5, angle_error_rad=1.5e-3, stiffness_n_m=4e7
     )
@@ -112,7 +112,7 @@ def test_the_star_is_where_the_region_begins(chart):
     assert not shaded(panel, d, p - 0.5)
 
 
-def test_a_region_that_is_empty_says_so(chart):
+def test_an_empty_region_is_reported(chart):
     panel, _ = chart(
         replace(AXIS, wishes=Wishes(position_error_m=1e-5, angle_error_rad=6e-3))
     )  # 10.5 mm at most

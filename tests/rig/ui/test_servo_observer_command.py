@@ -243,7 +243,7 @@ def test_a_joint_without_friction_answers_a_torque_as_its_equations_do(told, own
         assert row["motor_step_peak_rad_s"] == pytest.approx(np.abs(found.y[2]).max(), rel=1e-5)
 
 
-def test_q_is_not_held_against_a_joint_that_is_better_damped_than_q(told, own):
+def test_poles_of_q_do_not_count_against_a_better_damped_joint(told, own):
     """The slow limit leaves the joint unchanged, with Q's poles at a damping ratio of 0.195."""
     document = told(
         "--joint", own(elastic_damping_n_m_s_rad=0.01), "--order", "8", "--time-constants", "1e9"

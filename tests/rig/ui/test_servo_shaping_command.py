@@ -120,7 +120,7 @@ def test_without_errors_nothing_is_left_and_a_shaper_named_twice_is_shown_once(t
 
 
 @pytest.mark.parametrize("rho", [1.0, 0.2, 5.0])
-def test_what_a_pulse_leaves_is_what_two_masses_do_whatever_their_ratio(told, rho):
+def test_the_residual_of_a_pulse_agrees_with_two_masses_of_any_ratio(told, rho):
     document = told()
     shapers = {"unshaped": {"amplitudes": [1.0], "times_s": [0.0]}} | {
         row["name"]: row for row in document["shapers"]
@@ -194,7 +194,7 @@ def test_on_a_drive_s_samples_the_mode_is_left_at_rest_and_the_impulses_are_whol
 @pytest.mark.parametrize(
     ("shapers", "panels"), [("zv", 3), ("zv,zvd,zvdd", 5), ("zv,zvd,mzv,ei", 6)]
 )
-def test_a_picture_has_a_panel_for_each_shaper_one_for_the_speed_and_one_for_the_torque(
+def test_the_figure_has_a_panel_for_each_shaper_one_for_the_speed_and_one_for_the_torque(
     rig, tmp_path, shapers, panels
 ):
     left, _, heard = rig("servo", "shaping", "--shapers", shapers, "--plot", "shaping.svg")
