@@ -1,4 +1,4 @@
-"""report.html: what the run did, in pictures; one file, no scripts, nothing fetched."""
+"""HTML report of a run: one file with all figures, without scripts and external resources."""
 
 from __future__ import annotations
 
@@ -20,13 +20,17 @@ h1 { font-size: 1.5em; margin-bottom: .2em } h2 { font-size: 1.15em; margin: 1.8
 table { border-collapse: collapse; margin: .5em 0 }
 td, th { padding: .2em .9em .2em 0; text-align: right; border-bottom: 1px solid #8884 }
 td:first-child, th:first-child { text-align: left } .note { opacity: .75 }
-figure { margin: 0; background: #fff; border-radius: 6px; padding: 6px } img, svg { width: 100%; height: auto }
+figure { margin: 0; background: #fff; border-radius: 6px; padding: 6px }
+img, svg { width: 100%; height: auto }
 .good { color: #1a7f37 } .doubtful { color: #b07800 } .bad { color: #c62828 }
 """
 
 
 def write(folder: Path, analysis: RunAnalysis, twin: RunAnalysis | None = None) -> Path:
-    """Write the report beside the log; twin is the loss-free run to lay beside it."""
+    """Write report.html into the run folder; gives its path.
+
+    twin: the same run without losses, shown for comparison.
+    """
     s = analysis.summary
     parts = [
         _head(s),
@@ -43,7 +47,10 @@ def write(folder: Path, analysis: RunAnalysis, twin: RunAnalysis | None = None) 
         _events(s),
     ]
     title = html.escape(s.run_id)
-    head = f"<!doctype html><html lang='en'><meta charset='utf-8'><title>{title}</title><style>{STYLE}</style>"
+    head = (
+        "<!doctype html><html lang='en'><meta charset='utf-8'>"
+        f"<title>{title}</title><style>{STYLE}</style>"
+    )
     path = folder / REPORT
     path.write_text(f"{head}{''.join(parts)}</html>", encoding="utf-8")
     return path
@@ -54,27 +61,27 @@ def _head(s: Summary) -> str:
     return (
         f"<h1>{html.escape(s.headline)}</h1>"
         f"<div class='note'>{html.escape(s.run_id)} &middot; {s.mode}</div>"
-        f"<p>Verdict: <b class='{s.verdict}'>{s.verdict}</b> ({s.exit_status})</p><ul>{reasons}</ul>"
+        f"<p>Verdict: <b class='{s.verdict}'>{s.verdict}</b> ({s.exit_status})</p>"
+        f"<ul>{reasons}</ul>"
     )
 
 
 def _quantities(s: Summary, twin: Summary | None) -> str:
-    heads = [
-        "",
-        "planned",
-        "measured &plusmn; noise",
-        "true",
-        *(["true, without losses"] if twin else []),
-    ]
+    heads = ["quantity", "planned", "measured &plusmn; noise", "true"]
+    runs = [s]
+    if twin:
+        heads.append("true, without losses")
+        runs.append(twin)
     rows = []
     for row in QUANTITIES:
+        planned = row.plain(getattr(s.planned, row.key, None))
         measured = row.with_sigma(getattr(s.measured, row.key), getattr(s.sigma, row.key))
-        true = [
-            row.plain(getattr(run.truth or Quantities(), row.key))
-            for run in ((s, twin) if twin else (s,))
-        ]
-        rows.append([row.title, row.plain(getattr(s.planned, row.key, None)), measured, *true])
-    note = "&plusmn; is one standard deviation of the noise; a camera pitched by a degree reads swings 0.5 % small besides."
+        true = [row.plain(getattr(run.truth or Quantities(), row.key)) for run in runs]
+        rows.append([row.title, planned, measured, *true])
+    note = (
+        "&plusmn;: one standard deviation of the noise. Not included: a camera pitch of 1 degree "
+        "reduces the measured swing by 0.5 %."
+    )
     return _table(heads, rows) + f"<p class='note'>{note}</p>"
 
 
@@ -85,68 +92,59 @@ def _picture(analysis: RunAnalysis) -> str:
     stream = io.BytesIO()
     figure.savefig(stream, format="png", dpi=110)
     data = base64.b64encode(stream.getvalue()).decode()
-    image = f"<img alt='camera picture with the detected cable' src='data:image/png;base64,{data}'>"
-    return f"<h2>What the camera saw</h2><figure>{image}</figure>"
+    image = f"<img alt='camera image with detected cable' src='data:image/png;base64,{data}'>"
+    return f"<h2>Camera image</h2><figure>{image}</figure>"
 
 
 def _delays(s: Summary) -> str:
-    d, late, error = s.latency_ms, s.lateness, s.swing_error
+    d = s.latency_ms
+    late = s.lateness
+    error = s.swing_error
+    skipped = ", ".join(f"{task} {count}" for task, count in sorted(late.late_ticks.items()))
     rows = [
-        ["command latency: plan to platform", _ms(d.command)],
-        ["vision latency: instant of the angle to its arrival", _ms(d.vision)],
-        ["measured swing behind the truth", _ms(d.alignment)],
-        ["end of exposure to angle received, p99", _ms(d.exposure_to_angle_p99)],
+        ["command latency, plan to platform", _ms(d.command)],
+        ["vision latency, instant of the angle to its reception", _ms(d.vision)],
+        ["delay of the measured swing behind the true one", _ms(d.alignment)],
+        ["end of exposure to reception of the angle, p99", _ms(d.exposure_to_angle_p99)],
         [
-            "references accepted / more than 30 ms after their target",
+            "references accepted / of these more than 30 ms after their target",
             f"{late.references} / {late.references_late}",
         ],
         [
-            "reference lateness, p99 / worst",
+            "lateness of references, p99 / maximum",
             f"{_ms(late.reference_p99_ms)} / {_ms(late.reference_max_ms)}",
         ],
-        [
-            "ticks skipped",
-            html.escape(", ".join(f"{k} {v}" for k, v in sorted(late.late_ticks.items()))),
-        ],
+        ["skipped ticks", html.escape(skipped)],
         ["frames with an angle", f"{s.angles_valid} of {s.frames}"],
         [
-            "measured minus true swing, rms in the move / outside",
+            "measured minus true swing, rms during the move / outside",
             f"{_mrad(error.during_move_rad)} / {_mrad(error.outside_move_rad)}",
         ],
     ]
-    return "<h2>Delays and trust</h2>" + _table(["", ""], rows)
+    return "<h2>Delays and accuracy</h2>" + _table(["quantity", "value"], rows)
 
 
 def _ledger(s: Summary) -> str:
-    heads = ["link", "sent", "delivered", "lost", "rejected", "duplicated", "late", "unexplained"]
-    rows = [
-        [
-            name,
-            *map(
-                str,
-                (
-                    r.sent,
-                    r.delivered,
-                    r.lost,
-                    sum(r.rejected.values()),
-                    r.duplicated,
-                    r.late,
-                    r.unexplained,
-                ),
-            ),
-        ]
-        for name, r in s.links.items()
-    ]
-    return "<h2>Every packet</h2>" + _table(heads, rows)
+    heads = ["link", "sent", "delivered", "lost", "rejected", "duplicates", "late", "unaccounted"]
+    rows = []
+    for name, r in s.links.items():
+        counts = (
+            r.sent,
+            r.delivered,
+            r.lost,
+            sum(r.rejected.values()),
+            r.duplicated,
+            r.late,
+            r.unexplained,
+        )
+        rows.append([name, *map(str, counts)])
+    return "<h2>Packet ledger</h2>" + _table(heads, rows)
 
 
 def _events(s: Summary) -> str:
-    return (
-        "<h2>Events</h2><pre>"
-        + html.escape("\n".join(s.events))
-        + (f"\ndigest {s.digest}" if s.digest else "")
-        + "</pre>"
-    )
+    digest = f"\ndigest {s.digest}" if s.digest else ""
+    events = html.escape("\n".join(s.events))
+    return f"<h2>Events</h2><pre>{events}{digest}</pre>"
 
 
 def _ms(value: float | None) -> str:

@@ -847,8 +847,8 @@ def test_the_figure_has_a_row_for_each_family_and_both_curves_of_each_plan(docum
         "2.5 s",
         "2 s",
         "1.5 s",
-        "small swings",
-        "true load",
+        "linear load",
+        "nonlinear load",
     ]
     assert figure.axes[4].get_ylabel().splitlines()[:2] == ["robust", "to length / length_2"]
     pendulum_zvd = figure.axes[20].lines
@@ -858,11 +858,9 @@ def test_the_figure_has_a_row_for_each_family_and_both_curves_of_each_plan(docum
 
 def test_the_figure_names_the_plans_that_leave_it_without_parameter_error(document):
     title = sensitivity.sheet(document).get_suptitle()
-    assert title.endswith(
-        "two bars robust 1.5 s leaves 94 mrad, two bars robust jerk 1.5 s leaves 141 mrad."
-    )
+    assert title.endswith("two bars robust 1.5 s: 94 mrad, two bars robust jerk 1.5 s: 141 mrad.")
     few = {"pendulum.ZVD_T2.5.length": document["pendulum.ZVD_T2.5.length"]}
-    assert "nothing wrong" not in sensitivity.sheet(few).get_suptitle()
+    assert "without parameter error" not in sensitivity.sheet(few).get_suptitle()
 
 
 def test_the_ending_of_the_plot_file_says_its_kind_and_another_or_no_folder_is_refused(
@@ -881,6 +879,6 @@ def test_the_ending_of_the_plot_file_says_its_kind_and_another_or_no_folder_is_r
     ):
         sensitivity.draw(few, tmp_path / "curves.xls")
     with pytest.raises(
-        RigError, match=r"no folder '.*nowhere'; must be there: make it, or name another"
+        RigError, match=r"no folder '.*nowhere'; must exist: make it, or name another"
     ):
         sensitivity.draw(few, tmp_path / "nowhere" / "curves.png")

@@ -1,4 +1,4 @@
-"""`rig analyze`: what a recorded run amounts to."""
+"""`rig analyze`: analysis of the log of a run."""
 
 from __future__ import annotations
 
@@ -17,32 +17,39 @@ def analyze(
     name: Annotated[
         str,
         typer.Argument(
-            metavar="RUN", help="Run folder, .mcap file, part of a run's id, or `last`."
+            metavar="RUN", help="Run folder, .mcap file, part of the run id, or `last`."
         ),
     ],
     csv_file: Annotated[
         Path | None,
         typer.Option(
-            "--csv", help="Write the swing: t_s, angle_rad, sigma_rad, fit_rad, truth_rad."
+            "--csv",
+            help="CSV file of the swing: t_s, angle_rad, sigma_rad, fit_rad, truth_rad.",
         ),
     ] = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")
     ] = False,
     report: Annotated[
-        bool, typer.Option("--report", help="Write report.html beside the log again.")
+        bool, typer.Option("--report", help="Rewrite report.html beside the log.")
     ] = False,
-    runs: Annotated[Path, typer.Option(help="Where run folders are.")] = Path("runs"),
+    runs: Annotated[Path, typer.Option(help="Folder that contains the run folders.")] = Path(
+        "runs"
+    ),
 ) -> int:
-    """Take swing, frequency, damping, latency and the ledger from a log, complete or cut short."""
+    """Compute swing, frequency, damping ratio, latencies and ledger from a log.
+
+    A log that was cut short is analysed up to its end.
+    """
     analysis = RunAnalysis(folders.find_log(name, runs))
     if csv_file is not None:
         _write_csv(analysis, csv_file)
     if report:
         from rig.ui.report import write
 
-        twin = analysis.run.folder / "twin" / folders.LOG
-        write(analysis.run.folder, analysis, RunAnalysis(twin) if twin.is_file() else None)
+        twin_log = analysis.run.folder / "twin" / folders.LOG
+        twin = RunAnalysis(twin_log) if twin_log.is_file() else None
+        write(analysis.run.folder, analysis, twin)
     if as_json:
         print_json(analysis.summary)
     else:
@@ -59,20 +66,15 @@ def _write_csv(analysis: RunAnalysis, path: Path) -> None:
         rows.writerow(["t_s", "angle_rad", "sigma_rad", "fit_rad", "truth_rad"])
         fitted = analysis.fit.angle(t) if analysis.fit else None
         for k, instant in enumerate(t):
-            in_fit = fitted is not None and instant >= analysis.run.t_settled_s
+            fit: float | str = ""
+            if fitted is not None and instant >= analysis.run.t_settled_s:
+                fit = fitted[k]
             true = _true_angle(instant, truth) if truth.size else ""
-            rows.writerow(
-                [
-                    f"{instant:.9f}",
-                    angle[k],
-                    sigma[k],
-                    fitted[k] if fitted is not None and in_fit else "",
-                    true,
-                ]
-            )
+            rows.writerow([f"{instant:.9f}", angle[k], sigma[k], fit, true])
 
 
 def _true_angle(t_s: float, truth: object) -> float | str:
+    """Interpolate the true angle at an instant [rad]; empty outside the recorded truth."""
     from rig.analysis.identify.errors import AnalysisError
     from rig.analysis.identify.swing import truth_at
 

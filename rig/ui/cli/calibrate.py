@@ -1,4 +1,4 @@
-"""`rig calibrate offsets`: the camera's angle offset over platform position."""
+"""`rig calibrate offsets`: calibration of the camera's angle offset over platform position."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import typer
 from rich.progress import Progress
 from rich.table import Table
 
+from rig.analysis.identify.offsets import OffsetCalibration
 from rig.analysis.run_log import RunLog
 from rig.errors import Stopped
 from rig.run import config, experiment
@@ -19,37 +20,48 @@ from rig.run.runs import LOG
 from rig.run.tasks.operator import Operator
 from rig.ui.cli.output import err, out, print_json
 
-app = typer.Typer(no_args_is_help=True, help="Make the tables the tracker needs.")
+app = typer.Typer(no_args_is_help=True, help="Measure the calibration tables of the tracker.")
 
 
 @app.callback()
 def _calibrate() -> None:
-    """Make the tables the tracker needs."""
+    """Measure the calibration tables of the tracker."""
 
 
 @app.command()
 def offsets(
-    virtual: Annotated[bool, typer.Option("--virtual", help="In virtual time.")] = False,
+    virtual: Annotated[bool, typer.Option("--virtual", help="Virtual time.")] = False,
     output: Annotated[
         Path | None,
         typer.Option(
-            "--out", help="File to write; calibration_<date>_<camera>.toml here otherwise."
+            "--out",
+            help="Calibration file; calibration_<date>_<camera>.toml by default.",
         ),
     ] = None,
     name: Annotated[
-        str, typer.Option("--experiment", help="Rig, links and belief to calibrate with.")
+        str, typer.Option("--experiment", help="Experiment that gives rig, links and model.")
     ] = "move",
-    seed: Annotated[int | None, typer.Option(help="Seed of the picture noise.")] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="Seed of the image noise; the experiment's by default.")
+    ] = None,
     overrides: Annotated[
-        list[str] | None, typer.Option("--set", help="section.key=value, again and again.")
+        list[str] | None,
+        typer.Option("--set", help="New value of a key, section.key=value; repeatable."),
     ] = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")
     ] = False,
-    runs: Annotated[Path, typer.Option(help="Where run folders go.")] = Path("runs"),
+    runs: Annotated[Path, typer.Option(help="Folder in which the run folders are created.")] = Path(
+        "runs"
+    ),
 ) -> int:
-    """Drive to five points, watch two periods at each, fit offset, pivot and scale, write the table."""
-    changes = [*(overrides or []), *([f"experiment.seed={seed}"] if seed is not None else [])]
+    """Drive to five positions and fit offset table, pivot and scale of the camera.
+
+    The camera measures two swing periods at each position.
+    """
+    changes = list(overrides or [])
+    if seed is not None:
+        changes.append(f"experiment.seed={seed}")
     chosen = calibration_run.experiment_for(config.read_experiment(name, changes))
     tour = calibration_run.tour(chosen)
     with Progress(console=err, disable=as_json, transient=True) as bar:
@@ -58,9 +70,8 @@ def offsets(
         def progress(t_ns: int, operator: Operator) -> None:
             if operator.t_start_ns is not None and operator.t_end_ns is not None:
                 done_s = max(0, t_ns - operator.t_start_ns) * 1e-9
-                bar.update(
-                    line, completed=done_s, total=(operator.t_end_ns - operator.t_start_ns) * 1e-9
-                )
+                total_s = (operator.t_end_ns - operator.t_start_ns) * 1e-9
+                bar.update(line, completed=done_s, total=total_s)
 
         ran = experiment.run(
             chosen,
@@ -78,19 +89,23 @@ def offsets(
     if as_json:
         print_json({"file": str(path), "run_dir": str(ran.folder), "calibration": calibration})
         return 0
-    table = Table(title=f"offset over position, {calibration.camera}", title_justify="left")
-    for heading in ("x, m", "offset, mrad", "sigma, mrad", "swing then, mrad"):
+    _print_calibration(found, calibration, path)
+    return 0
+
+
+def _print_calibration(
+    found: OffsetCalibration, calibration: calibration_file.Calibration, path: Path
+) -> None:
+    table = Table(title=f"angle offset over position, {calibration.camera}", title_justify="left")
+    for heading in ("x [m]", "offset [mrad]", "sigma [mrad]", "swing [mrad]"):
         table.add_column(heading, justify="right")
     for x, offset, sigma, swing in zip(
         found.x_m, found.offset_rad, found.sigma_offset_rad, found.amplitude_rad, strict=True
     ):
         table.add_row(f"{x:.4f}", f"{offset * 1e3:.4f}", f"{sigma * 1e3:.4f}", f"{swing * 1e3:.2f}")
     out.print(table)
-    row = "" if found.row_observed else " (row not observable with so little swing: kept as given)"
-    out.print(
-        f"pivot at home ({found.pivot_home_px[0]:.2f}, {found.pivot_home_px[1]:.2f}) px{row}, {found.pixels_per_m:.2f} px/m"
-    )
-    out.print(
-        f"{path}  use it with --set vision.calibration={shlex.quote(str(path))}", style="bold"
-    )
-    return 0
+    u, v = found.pivot_home_px
+    row = "" if found.row_observed else " (row not observable at this swing: unchanged)"
+    out.print(f"pivot at home ({u:.2f}, {v:.2f}) px{row}, {found.pixels_per_m:.2f} px/m")
+    option = f"--set vision.calibration={shlex.quote(str(path))}"
+    out.print(f"{path}  use it with {option}", style="bold")

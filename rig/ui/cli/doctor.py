@@ -1,4 +1,4 @@
-"""`rig doctor`: can this machine run experiments?"""
+"""`rig doctor`: checks of the machine before a run."""
 
 from __future__ import annotations
 
@@ -18,14 +18,19 @@ COLOUR = {"ok": "green", "warning": "yellow", "failed": "red"}
 
 
 def doctor(
-    runs: Annotated[Path, typer.Option(help="Where run folders go.")] = Path("runs"),
-    base_port: Annotated[int, typer.Option(help="First port to look at; 0 = any free ports.")] = 0,
+    runs: Annotated[Path, typer.Option(help="Folder in which the run folders are created.")] = Path(
+        "runs"
+    ),
+    base_port: Annotated[int, typer.Option(help="First port to check; 0: any free ports.")] = 0,
     as_json: Annotated[
         bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")
     ] = False,
 ) -> int:
-    """Check ports, disk, versions, timer, and that the packages imported are this program's; exit 3 when a run would fail."""
-    with err.status("looking at ports, disk, versions and one second of timer"):
+    """Check ports, disk, versions, timer and imported packages.
+
+    Exit code 3 when a run would fail.
+    """
+    with err.status("checking ports, disk, versions, and the timer for one second"):
         checks = examine(runs, NetworkSection(base_port=base_port))
     failed = [c for c in checks if c.status == "failed"]
     if as_json:
@@ -38,7 +43,7 @@ def doctor(
         )
     out.print(table)
     out.print(
-        "a run would fail" if failed else "ready to run: `rig run`",
+        "not ready: a run would fail" if failed else "ready: `rig run`",
         style="red" if failed else "green",
     )
     return REFUSED if failed else 0

@@ -1,4 +1,4 @@
-"""`rig laws`: the catalogue of motion laws, what each can do under limits, and their picture."""
+"""`rig laws`: list, comparison under limits, and figures of motion laws."""
 
 from __future__ import annotations
 
@@ -20,32 +20,38 @@ from rig.errors import ConfigError
 from rig.run.config import LimitsSection, ModelSection
 from rig.studies.laws_under_limits import DERIVATIVE_NAMES, LawMove, law_move, period_s
 from rig.studies.published_laws import FIGURES, PUBLISHED, wrong_figures
-from rig.ui.cli.output import PLAIN, out, print_json, wide, working
+from rig.ui.cli.output import PLAIN, out, plain_table, print_json, wide, working
 
 HEADERS = ("Cv", "Ca", "Cv rms", "Ca rms")
-CYCLES = 6.0  # load periods up to which the catalogue tells swing-free durations
-SHOWN = 3  # of them
+CYCLES = 6.0  # longest zero-residual-vibration duration searched [load periods]
+SHOWN_DURATIONS = 3  # zero-residual-vibration durations listed for a law
 MOVES_COLUMNS = (
-    ("law", ""),
-    ("class", ""),
-    ("least time", "[s]"),
-    ("meets", ""),
-    ("speed", "[m/s]"),
-    ("acceleration", "[m/s²]"),
-    ("jerk", "[m/s³]"),
-    ("swing left", "[mrad]"),
-    ("nonlinear", "[mrad]"),
-    ("no swing in", "[s]"),
+    "law\n",
+    "class\n",
+    "active\nlimits\n",
+    "minimum\ntime\n[s]",
+    "peak\nspeed\n[m/s]",
+    "peak\nacceleration\n[m/s²]",
+    "peak\njerk\n[m/s³]",
+    "residual\namplitude\n[mrad]",
+    "nonlinear\nresidual\n[mrad]",
+    "zero-residual\nduration\n[s]",
 )
 LEGEND = (
-    "Cv = max |speed| T/h, Ca = max |acceleration| T²/h, rms over the move of h in the time T. Cn: derivative n has no step.",
-    "A load of period Tn without damping is left at rest when T/Tn is one of the last column (T: the duration of the move).",
-    "elliptic: axis ratio 1.2. trapezoidal, double_s, fifteen_segments: ramps of T/3, half of them jerk, half of that snap.",
+    "Cv = max |speed| T/h, Ca = max |acceleration| T²/h over a move of h in the time T; "
+    "rms over the move.",
+    "class Cn: derivatives up to n are continuous. zero residual: an undamped load of period Tn "
+    "is at rest after a move of T = (T/Tn) Tn.",
+    "elliptic: axis ratio 1.2. trapezoidal, double_s, fifteen_segments: ramps of T/3, "
+    "jerk phases of half a ramp, snap phases of half of that.",
 )
 MOVES_LEGEND = (
-    "swing left: amplitude of the free swing after the least time; nonlinear: on the true pendulum.",
-    "no swing in: the next longer duration (small swings, the law's times stretched alike) that leaves none.",
-    "*: its segments chosen for these limits: the least time of all laws of its kind. The others keep their shape.",
+    "residual amplitude: amplitude of the residual swing after the minimum time, small swings; "
+    "nonlinear residual: on the nonlinear pendulum.",
+    "zero-residual duration: shortest duration >= the minimum time without residual swing "
+    "(small swings, the law scaled in time).",
+    "*: segments adapted to these limits, hence time-optimal within its family. "
+    "The other laws keep their shape.",
 )
 
 app = typer.Typer(invoke_without_command=True)
@@ -56,23 +62,25 @@ Json = Annotated[bool, typer.Option("--json", help="One JSON document on stdout,
 def laws(
     context: typer.Context,
     published: Annotated[
-        bool, typer.Option("--published", help="Beside the figures that source 000 prints.")
+        bool, typer.Option("--published", help="Compare with the figures printed in source 000.")
     ] = False,
     as_json: Json = False,
 ) -> int:
-    """Motion laws: continuity, peaks and root mean squares, durations that leave no swing.
+    """List motion laws: continuity, peak and rms coefficients, zero-residual durations.
 
-    Cv = max |speed| T/h, Ca = max |acceleration| T²/h over a move of h in the time T; rms over the move; all exact.
+    Cv = max |speed| T/h and Ca = max |acceleration| T²/h over a move of h in the time T;
+    rms over the move. All figures are exact.
     """
     if context.invoked_subcommand:
         if published or as_json:
             raise ConfigError(
-                f"--published or --json before '{context.invoked_subcommand}'; must stand after it: move it"
+                f"--published or --json before '{context.invoked_subcommand}'; "
+                "must stand after it: move the option"
             )
         return 0
     rows = catalogue()
     if as_json:
-        print_json([_row(row, published) for row in rows])
+        print_json([_document(row, published) for row in rows])
     elif published:
         _print_published(rows)
     else:
@@ -82,23 +90,25 @@ def laws(
 
 @app.command()
 def compare(
-    distance: Annotated[float, typer.Option(help="Distance in m, not 0.")] = 0.2,
-    vmax: Annotated[float, typer.Option(help="Limit on speed in m/s.")] = LimitsSection().speed_m_s,
+    distance: Annotated[float, typer.Option(help="Distance \\[m], not 0.")] = 0.2,
+    vmax: Annotated[
+        float, typer.Option(help="Speed limit \\[m/s], > 0.")
+    ] = LimitsSection().speed_m_s,
     amax: Annotated[
-        float, typer.Option(help="Limit on acceleration in m/s².")
+        float, typer.Option(help="Acceleration limit \\[m/s²], > 0.")
     ] = LimitsSection().acceleration_m_s2,
     jmax: Annotated[
-        float | None, typer.Option(help="Limit on jerk in m/s³; none unless given.")
+        float | None, typer.Option(help="Jerk limit \\[m/s³], > 0; unlimited by default.")
     ] = None,
     smax: Annotated[
-        float | None, typer.Option(help="Limit on snap in m/s⁴; none unless given.")
+        float | None, typer.Option(help="Snap limit \\[m/s⁴], > 0; unlimited by default.")
     ] = None,
     load_length: Annotated[
-        float, typer.Option(help="Cable of the load in m.")
+        float, typer.Option(help="Cable length of the load \\[m].")
     ] = ModelSection().cable_m,
     as_json: Json = False,
 ) -> int:
-    """The least time of every law under limits, the peaks it reaches, and the swing it leaves on a cable."""
+    """Compare the minimum time, peaks and residual swing of every law under limits."""
     limits = (vmax, amax, math.inf if jmax is None else jmax, math.inf if smax is None else smax)
     _check(distance, limits)
     load = PendulumModel(length_m=load_length)
@@ -106,45 +116,46 @@ def compare(
         moves = [law_move(name, distance, limits, load) for name in LAWS]
     moves.sort(key=lambda move: move.time_s)
     if as_json:
-        document: dict[str, object] = {
-            "distance_m": distance,
-            **dict(zip(LIMITS, limits, strict=True)),
-        }
-        document |= {"load_length_m": load_length, "load_period_s": period_s(load)}
-        print_json(document | {"laws": [move._asdict() for move in moves]})
-    else:
-        kept = [move for move in moves if not move.reason]
-        wide.print(
-            _moves_table(
-                kept,
-                f"{distance:g} m, cable {load_length:g} m with a period of {period_s(load):.4f} s",
-            )
+        print_json(
+            {
+                "distance_m": distance,
+                **dict(zip(LIMITS, limits, strict=True)),
+                "load_length_m": load_length,
+                "load_period_s": period_s(load),
+                "laws": [move._asdict() for move in moves],
+            }
         )
-        for reason in dict.fromkeys(move.reason for move in moves if move.reason):
-            out.print(
-                f"not kept by {', '.join(move.name for move in moves if move.reason == reason)}: {reason}",
-                style="yellow",
-            )
-        out.print("\n".join(MOVES_LEGEND), style="dim")
+    else:
+        title = f"{distance:g} m, cable {load_length:g} m, load period {period_s(load):.4f} s"
+        _print_moves(moves, title)
     return 0
+
+
+def _print_moves(moves: list[LawMove], title: str) -> None:
+    wide.print(_moves_table([move for move in moves if not move.reason], title))
+    excluded: dict[str, list[str]] = {}
+    for move in moves:
+        if move.reason:
+            excluded.setdefault(move.reason, []).append(move.name)
+    for reason, names in excluded.items():
+        out.print(f"not within the limits: {', '.join(names)}: {reason}", style="yellow")
+    out.print("\n".join(MOVES_LEGEND), style="dim")
 
 
 @app.command()
 def plot(
-    names: Annotated[
-        list[str] | None, typer.Argument(help="Laws to draw over each other; all in rows without.")
-    ] = None,
-    path: Annotated[
-        Path, typer.Option("--plot", help="The file to draw into: .svg, .png or .pdf.")
-    ] = Path("laws.svg"),
+    names: Annotated[list[str] | None, typer.Argument(help="Laws to draw; all by default.")] = None,
+    path: Annotated[Path, typer.Option("--plot", help="Figure file: .svg, .png or .pdf.")] = Path(
+        "laws.svg"
+    ),
     as_json: Json = False,
 ) -> int:
-    """Position, speed, acceleration, jerk and acceleration spectrum of laws, as a picture."""
+    """Draw position, speed, acceleration, jerk and acceleration spectrum of laws."""
     chosen = list(dict.fromkeys(names or LAWS))
     for name in chosen:
         if name not in LAWS:
             raise unknown_name("law", name, LAWS)
-    from rig.ui.plots import picture_file  # matplotlib takes its time
+    from rig.ui.plots import picture_file  # matplotlib is slow to import
     from rig.ui.plots.laws import draw_laws
 
     picture_file.check(path)
@@ -158,20 +169,23 @@ def plot(
 
 
 def _check(distance: float, limits: tuple[float, ...]) -> None:
+    """Check the options of a comparison; raises ConfigError."""
     if not 0.0 < abs(distance) < math.inf:
-        raise ConfigError(f"--distance {distance}; must be finite and not 0: give the way in m")
+        raise ConfigError(f"--distance {distance}; must be finite and not 0: give m")
     for option, value in zip(("--vmax", "--amax", "--jmax", "--smax"), limits, strict=True):
         if not value > 0.0:
             raise ConfigError(
-                f"{option} {value}; must be > 0: give the size of the limit, or leave it out"
+                f"{option} {value}; must be > 0: give the magnitude of the limit, "
+                "or omit the option"
             )
     if not any(map(math.isfinite, limits)):
         raise ConfigError(
-            "--vmax inf --amax inf; one limit at least must be finite: the least time would be 0 s"
+            "--vmax inf --amax inf; one limit at least must be finite: "
+            "the minimum time would be 0 s without any, give one"
         )
 
 
-def _row(row: Coefficients, published: bool) -> dict[str, Any]:
+def _document(row: Coefficients, published: bool) -> dict[str, Any]:
     plain: dict[str, Any] = {
         "name": row.name,
         **{key: getattr(row, key) for key in FIGURES},
@@ -186,54 +200,47 @@ def _row(row: Coefficients, published: bool) -> dict[str, Any]:
 
 
 def _print_catalogue(rows: list[Coefficients]) -> None:
-    with working("finding the durations that leave no swing"):
-        free = [swing_free_cycles(LAWS[row.name](1.0), CYCLES)[:SHOWN] for row in rows]
-    view = Table(title="Motion laws from rest to rest", **PLAIN)
-    for header in ("law", "class", *HEADERS, "no swing at T/Tn"):
-        view.add_column(
-            header, justify="left" if header in ("law", "class") else "right", no_wrap=True
-        )
+    with working("computing the zero-residual-vibration durations"):
+        free = [swing_free_cycles(LAWS[row.name](1.0), CYCLES) for row in rows]
+    headers = ("law", "class", *HEADERS, "zero residual at T/Tn")
+    view = plain_table("Motion laws from rest to rest", headers, left=2)
     for row, zeros in zip(rows, free, strict=True):
         figures = (f"{getattr(row, key):.6f}" for key in FIGURES)
-        view.add_row(
-            row.name, row.continuity, *figures, "  ".join(f"{zero:.4f}" for zero in zeros.tolist())
-        )
+        durations = "  ".join(f"{zero:.4f}" for zero in zeros[:SHOWN_DURATIONS].tolist())
+        view.add_row(row.name, row.continuity, *figures, durations)
     wide.print(view)
     out.print("\n".join(LEGEND), style="dim")
 
 
 def _print_published(rows: list[Coefficients]) -> None:
-    view = Table(title="Coefficients as source 000 prints them, and right", **PLAIN)
+    view = Table(title="Coefficients: printed in source 000, and computed", **PLAIN)
     for header in ("law", "", *HEADERS, ""):
         view.add_column(header, justify="right" if header in HEADERS else "left", no_wrap=True)
     for row in rows:
-        source, wrong = PUBLISHED.get(row.name), wrong_figures(row)
+        source = PUBLISHED.get(row.name)
         if source is None:
             continue
-        printed = (
-            Text(f"{figure:.4f}{'≠' if key in wrong else ' '}", "yellow" if key in wrong else "")
-            for key, figure in zip(FIGURES, source.figures, strict=True)
-        )
+        wrong = wrong_figures(row)
+        printed = []
+        for key, figure in zip(FIGURES, source.figures, strict=True):
+            mark, style = ("≠", "yellow") if key in wrong else (" ", "")
+            printed.append(Text(f"{figure:.4f}{mark}", style))
+        computed = (f"{getattr(row, key):.6f} " for key in FIGURES)
         view.add_row(row.name, "printed", *printed, source.reason)
-        view.add_row(
-            "", "right", *(f"{getattr(row, key):.6f} " for key in FIGURES), "", end_section=True
-        )
+        view.add_row("", "computed", *computed, "", end_section=True)
     wide.print(view)
     absent = ", ".join(name for name in LAWS if name not in PUBLISHED)
-    out.print(f"≠: more than rounding off. Not in its table: {absent}.", style="dim")
+    out.print(f"≠: differs by more than rounding. Not in source 000: {absent}.", style="dim")
 
 
 def _moves_table(moves: list[LawMove], title: str) -> Table:
-    view = Table(title=title, **PLAIN)
-    for header, unit in MOVES_COLUMNS:
-        left = header in ("law", "class", "meets")
-        view.add_column(f"{header}\n{unit}", justify="left" if left else "right", no_wrap=True)
+    view = plain_table(title, MOVES_COLUMNS, left=3)
     for m in moves:
         view.add_row(
             m.name,
             m.continuity,
-            f"{m.time_s:.6f}{' ' if m.shape == 'fixed' else '*'}",
             ", ".join(DERIVATIVE_NAMES[LIMITS.index(key)] for key in m.meets),
+            f"{m.time_s:.6f}{' ' if m.shape == 'fixed' else '*'}",
             f"{m.peak_speed_m_s:.4f}",
             f"{m.peak_acceleration_m_s2:.4f}",
             "∞" if math.isinf(m.peak_jerk_m_s3) else f"{m.peak_jerk_m_s3:.3f}",

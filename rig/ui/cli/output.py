@@ -1,4 +1,4 @@
-"""What people and machines read: rich tables on stdout, or one JSON document and nothing else."""
+"""Output of the verbs: tables and text on stdout, or one JSON document and nothing else."""
 
 from __future__ import annotations
 
@@ -9,28 +9,27 @@ from contextlib import contextmanager
 from typing import Any
 
 import msgspec
-from rich.console import Console
+from rich.console import Console, JustifyMethod
 from rich.table import Table
 
 from rig.analysis.summary import QUANTITIES, LinkSummary, Quantities, Summary
 from rig.errors import OK
 
 
-class _Pipe(Console):
-    """A console whose reader may have seen enough, as `| head` has: that is no failure."""
+class _PipeConsole(Console):
+    """Console that ends with exit code 0 when its reader closes the pipe, e.g. `| head`."""
 
     def on_broken_pipe(self) -> None:
-        """Say nothing more, and leave with what head leaves with."""
+        """End the process with exit code 0."""
         try:
             super().on_broken_pipe()
         except SystemExit:
             raise SystemExit(OK) from None
 
 
-out = _Pipe(highlight=False, soft_wrap=True, markup=False)
-wide = _Pipe(
-    width=140, highlight=False, markup=False
-)  # for tables that a narrower terminal may wrap, not cut
+out = _PipeConsole(highlight=False, soft_wrap=True, markup=False)
+# 140 columns for tables: a narrower terminal wraps their lines and cuts nothing
+wide = _PipeConsole(width=140, highlight=False, markup=False)
 err = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
 
 PLAIN: Any = {"title_justify": "left", "box": None, "padding": (0, 2, 0, 0)}
@@ -38,14 +37,17 @@ COLOUR = {"good": "green", "doubtful": "yellow", "bad": "red"}
 
 
 def print_json(document: Any) -> None:
-    """One JSON document; a number that is none becomes null."""
+    """Print one JSON document; NaN and infinity become null."""
     plain = _finite(msgspec.to_builtins(document))
     sys.stdout.write(msgspec.json.format(msgspec.json.encode(plain), indent=2).decode() + "\n")
 
 
 @contextmanager
 def working(what: str, *, quiet: bool = False) -> Iterator[None]:
-    """A sign of life on stderr while something takes its time; a plain line where there is no terminal, unless quiet."""
+    """Show a status on stderr during a long computation.
+
+    Without a terminal it is one plain line, or nothing if quiet.
+    """
     if err.is_terminal:
         with err.status(what):
             yield
@@ -56,31 +58,40 @@ def working(what: str, *, quiet: bool = False) -> Iterator[None]:
 
 
 def plain_table(title: str, headers: Sequence[str], left: int = 1) -> Table:
-    """A table without lines; all but the first columns are figures. A header may have two lines, name and unit."""
+    """Create a table without lines; the first `left` columns are text, the others numbers.
+
+    A header may have several lines: name and unit.
+    """
     view = Table(title=title, **PLAIN)
+    most_breaks = max(header.count("\n") for header in headers)
     for k, header in enumerate(headers):
-        view.add_column(header, justify="left" if k < left else "right", no_wrap=True)
+        padding = "\n" * (most_breaks - header.count("\n"))  # the last lines share one row
+        justify: JustifyMethod = "left" if k < left else "right"
+        view.add_column(padding + header, justify=justify, no_wrap=True)
     return view
 
 
-def say(text: str, style: str | None = None) -> None:
-    """A paragraph, wrapped at the terminal's width."""
+def print_paragraph(text: str, style: str | None = None) -> None:
+    """Print a paragraph, wrapped at the width of the terminal."""
     out.print(text, style=style, soft_wrap=False)
 
 
 def _finite(value: Any) -> Any:
+    """Replace NaN and infinity by None, at any depth."""
     if isinstance(value, float) and not math.isfinite(value):
         return None
     if isinstance(value, dict):
         return {key: _finite(item) for key, item in value.items()}
-    return [_finite(item) for item in value] if isinstance(value, list) else value
+    if isinstance(value, list):
+        return [_finite(item) for item in value]
+    return value
 
 
 def print_summary(s: Summary) -> None:
-    """The table at the end of a run."""
+    """Print the results of a run: quantities, delays, ledger, events and verdict."""
     out.print()
     out.print(_quantities(s))
-    out.print(_delays(s))
+    out.print("\n".join(_status_lines(s)))
     if s.links:
         out.print(_ledger(s.links))
     for event in s.events:
@@ -103,33 +114,55 @@ def _quantities(s: Summary) -> Table:
     return table
 
 
-def _delays(s: Summary) -> str:
-    d, late, error = s.latency_ms, s.lateness, s.swing_error
-    words = [
-        f"latency: command {_ms(d.command)}, vision {_ms(d.vision)}"
-        + (f", measured swing behind truth {_ms(d.alignment)}" if d.alignment is not None else "")
-        + f", exposure end to angle p99 {_ms(d.exposure_to_angle_p99)}",
-        f"references: {late.references} accepted, {late.references_late} more than 30 ms after their target"
-        f" (p99 {_ms(late.reference_p99_ms)}, worst {_ms(late.reference_max_ms)});"
-        f" ticks skipped: {', '.join(f'{k} {v}' for k, v in sorted(late.late_ticks.items())) or 'none logged'}",
-        f"vision: {s.angles_valid} of {s.frames} frames gave an angle",
+def _status_lines(s: Summary) -> list[str]:
+    lines = [
+        _latency_line(s),
+        _reference_line(s),
+        f"vision: {s.angles_valid} of {s.frames} frames with an angle",
     ]
     if s.cpu_share:
-        shares = ", ".join(f"{name} {share:.1%}" for name, share in s.cpu_share.items())
-        fifo = [name for name, policy in s.scheduling.items() if policy == "fifo"]
-        words.append(
-            f"processors: {sum(s.cpu_share.values()):.0%} of one core ({shares}); real-time: {', '.join(fifo) or 'none'}"
-        )
-    if error.outside_move_rad is not None:
-        inside = (
-            f"{error.during_move_rad * 1e3:.3f} mrad rms in the move, "
-            if error.during_move_rad is not None
-            else ""
-        )
-        words.append(
-            f"measured minus true swing: {inside}{error.outside_move_rad * 1e3:.3f} mrad rms {'outside' if inside else ''}"
-        )
-    return "\n".join(words)
+        lines.append(_processor_line(s))
+    if s.swing_error.outside_move_rad is not None:
+        lines.append(_swing_error_line(s))
+    return lines
+
+
+def _latency_line(s: Summary) -> str:
+    d = s.latency_ms
+    parts = [f"latency: command {_ms(d.command)}", f"vision {_ms(d.vision)}"]
+    if d.alignment is not None:
+        parts.append(f"measured swing behind truth {_ms(d.alignment)}")
+    parts.append(f"exposure end to angle p99 {_ms(d.exposure_to_angle_p99)}")
+    return ", ".join(parts)
+
+
+def _reference_line(s: Summary) -> str:
+    late = s.lateness
+    skipped = ", ".join(f"{task} {count}" for task, count in sorted(late.late_ticks.items()))
+    return (
+        f"references: {late.references} accepted, "
+        f"{late.references_late} more than 30 ms after their target "
+        f"(p99 {_ms(late.reference_p99_ms)}, maximum {_ms(late.reference_max_ms)}); "
+        f"skipped ticks: {skipped or 'not logged'}"
+    )
+
+
+def _processor_line(s: Summary) -> str:
+    total = sum(s.cpu_share.values())
+    shares = ", ".join(f"{name} {share:.1%}" for name, share in s.cpu_share.items())
+    fifo = [name for name, policy in s.scheduling.items() if policy == "fifo"]
+    real_time = ", ".join(fifo) or "none"
+    return f"processor load: {total:.0%} of one core ({shares}); real-time tasks: {real_time}"
+
+
+def _swing_error_line(s: Summary) -> str:
+    outside_rad = s.swing_error.outside_move_rad
+    during_rad = s.swing_error.during_move_rad
+    outside = f"{(outside_rad or 0.0) * 1e3:.3f} mrad rms"
+    if during_rad is None:
+        return f"measured minus true swing: {outside}"
+    during = f"{during_rad * 1e3:.3f} mrad rms"
+    return f"measured minus true swing: {during} during the move, {outside} outside"
 
 
 def _ms(value: float | None) -> str:
@@ -137,10 +170,19 @@ def _ms(value: float | None) -> str:
 
 
 def _ledger(links: dict[str, LinkSummary]) -> Table:
-    table = Table(
-        title="ledger: sent = delivered + lost + rejected + ? (unexplained)", title_justify="left"
+    title = "ledger: sent = delivered + lost + rejected + unaccounted"
+    table = Table(title=title, title_justify="left")
+    columns = (
+        "link",
+        "sent",
+        "delivered",
+        "lost",
+        "rejected",
+        "duplicates",
+        "late",
+        "unaccounted",
     )
-    for name in ("link", "sent", "delivered", "lost", "rejected", "twice", "late", "?"):
+    for name in columns:
         table.add_column(name, justify="left" if name == "link" else "right", no_wrap=True)
     for name, row in links.items():
         rejected = ", ".join(f"{reason} {n}" for reason, n in sorted(row.rejected.items())) or "0"

@@ -1,4 +1,4 @@
-"""`rig sim`: a seeded synthetic video of a swinging load, with its truth."""
+"""`rig sim`: synthetic video of a swinging load, with its true angles."""
 
 from __future__ import annotations
 
@@ -17,25 +17,34 @@ from rig.ui.cli.output import err, out, print_json
 
 def sim(
     video: Annotated[
-        Path, typer.Option(help=f"Video to write: {', '.join(CODECS)} (FFV1 is lossless).")
+        Path, typer.Option(help=f"Video file: {', '.join(CODECS)} (FFV1 is lossless).")
     ],
     truth: Annotated[
-        Path, typer.Option(help="CSV to write: frame,t_s,angle_rad (at mid-exposure).")
+        Path,
+        typer.Option(help="CSV file of the true angles: frame, t_s, angle_rad (at mid-exposure)."),
     ],
     name: Annotated[
-        str, typer.Argument(metavar="[EXPERIMENT]", help="Whose load and camera to show.")
+        str,
+        typer.Argument(metavar="[EXPERIMENT]", help="Experiment that gives load and camera."),
     ] = "free_decay",
-    seconds: Annotated[float, typer.Option(min=0.1, max=3600, help="Length in s.")] = 10.0,
-    seed: Annotated[int | None, typer.Option(help="Seed of the picture noise.")] = None,
+    seconds: Annotated[
+        float, typer.Option(min=0.1, max=3600, help="Duration \\[s], 0.1 to 3600.")
+    ] = 10.0,
+    seed: Annotated[
+        int | None, typer.Option(help="Seed of the image noise; the experiment's by default.")
+    ] = None,
     overrides: Annotated[
-        list[str] | None, typer.Option("--set", help="section.key=value, again and again.")
+        list[str] | None,
+        typer.Option("--set", help="New value of a key, section.key=value; repeatable."),
     ] = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")
     ] = False,
 ) -> int:
-    """Render a load swinging freely at home, as the rig's camera sees it, and write down where it really was."""
-    changes = [*(overrides or []), *([f"experiment.seed={seed}"] if seed is not None else [])]
+    """Render a video of a load that swings freely at home, and write its true angles."""
+    changes = list(overrides or [])
+    if seed is not None:
+        changes.append(f"experiment.seed={seed}")
     chosen = config.read_experiment(name, changes)
     with Progress(console=err, transient=True, disable=as_json) as bar:
         line = bar.add_task("rendering", total=round(seconds * chosen.camera.rate_hz))
@@ -56,6 +65,6 @@ def sim(
         )
     else:
         megabytes = video.stat().st_size / 1e6
-        out.print(f"{frames} frames in {video} ({megabytes:.0f} MB), truth in {truth}")
-        out.print(f"track it: rig track {shlex.quote(str(video))} --pivot {x:.1f},{y:.1f}")
+        out.print(f"{frames} frames in {video} ({megabytes:.0f} MB), true angles in {truth}")
+        out.print(f"next: rig track {shlex.quote(str(video))} --pivot {x:.1f},{y:.1f}")
     return 0

@@ -1,4 +1,4 @@
-"""`rig track`: the rig's own tracker on a video file."""
+"""`rig track`: cable angle in every frame of a video file."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FIELDS = ("frame", "t_s", "angle_rad", "sigma_rad", "valid", "reason")
 
 
 class TrackedFrame(NamedTuple):
-    """One frame of the video; empty angle and sigma when it gave none."""
+    """Row of one video frame; angle and sigma are None when no cable was found."""
 
     frame: int
     t_s: float
@@ -33,45 +33,41 @@ def track(
     pivot: Annotated[
         str,
         typer.Option(
-            metavar="X,Y", help="Cable's upper end in the picture, in pixels; may lie outside it."
+            metavar="X,Y", help="Upper end of the cable in the image \\[px]; may lie outside."
         ),
     ],
     csv_file: Annotated[
-        Path | None, typer.Option("--csv", help=f"Write one row a frame: {','.join(FIELDS)}.")
+        Path | None, typer.Option("--csv", help=f"CSV file, one row a frame: {', '.join(FIELDS)}.")
     ] = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")
     ] = False,
 ) -> int:
-    """Cable angle in every frame of a video; exit 6 when no frame shows a cable through the pivot."""
+    """Measure the cable angle in every frame of a video.
+
+    Exit code 6 when no frame shows a cable through the pivot.
+    """
     pivot_px = _pivot(pivot)
     if not video.is_file():
-        raise ConfigError(
-            f"{video}: {'a folder' if video.is_dir() else 'no such file'}; name a video file"
-        )
-    rows = list(_rows(video, pivot_px))
+        found = "a folder" if video.is_dir() else "no such file"
+        raise ConfigError(f"{video}: {found}; must be a video file: check the path")
+    rows = _tracked_frames(video, pivot_px)
     if not rows:
         raise VisionError(
-            f"{video}: no frame could be read: the file is cut short or empty; record it again"
+            f"{video}: 0 frames decoded; must be 1 or more: "
+            "the file is empty or cut short, record it again"
         )
     if csv_file is not None:
-        with csv_file.open("w", newline="") as file:
-            writer = csv.writer(file)
-            writer.writerow(FIELDS)
-            writer.writerows(
-                ["" if v is None else str(v).lower() if isinstance(v, bool) else v for v in row]
-                for row in rows
-            )
+        _write_csv(rows, csv_file)
     valid = [row for row in rows if row.valid]
     refused = dict(Counter(row.reason for row in rows if not row.valid))
     code = 0 if valid else BAD_DATA
-    reasons = (
-        []
-        if valid
-        else [
-            f"no frame of {video} shows a cable through {pivot} ({refused}): check --pivot and the light"
-        ]
-    )
+    reasons = []
+    if not valid:
+        reasons.append(
+            f"no frame of {video} shows a cable through {pivot} ({refused}): "
+            "check --pivot and the light"
+        )
     if as_json:
         status = "ok" if valid else "bad_data"
         document = {
@@ -83,33 +79,46 @@ def track(
         }
         print_json(document | {"reasons": reasons, "rows": [row._asdict() for row in rows]})
         return code
-    out.print(
-        f"{video}: {len(valid)} of {len(rows)} frames gave an angle"
-        + (f"; refused: {refused}" if refused else "")
-    )
+    rejected = f"; rejected: {refused}" if refused else ""
+    out.print(f"{video}: {len(valid)} of {len(rows)} frames with an angle{rejected}")
     if valid:
         angles = [row.angle_rad or 0.0 for row in valid]
-        out.print(f"angle from {min(angles) * 1e3:.2f} to {max(angles) * 1e3:.2f} mrad")
+        out.print(f"angle: {min(angles) * 1e3:.2f} to {max(angles) * 1e3:.2f} mrad")
     for reason in reasons:
         out.print(reason, style="red")
     return code
 
 
+def _write_csv(rows: list[TrackedFrame], path: Path) -> None:
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(FIELDS)
+        for row in rows:
+            writer.writerow([_cell(value) for value in row])
+
+
+def _cell(value: object) -> object:
+    if value is None:
+        return ""
+    return str(value).lower() if isinstance(value, bool) else value
+
+
 def _pivot(text: str) -> tuple[float, float]:
+    """Parse X,Y [px]; raises ConfigError."""
     try:
         x, y = (float(part) for part in text.split(","))
     except ValueError:
         raise ConfigError(
-            f"--pivot '{text}': must be X,Y in pixels, for example --pivot 320,-40"
+            f"--pivot '{text}'; must be X,Y in pixels: for example --pivot 320,-40"
         ) from None
     if not math.isfinite(x + y):
         raise ConfigError(
-            f"--pivot '{text}': must be two finite numbers of pixels, for example --pivot 320,-40"
+            f"--pivot '{text}'; must be two finite numbers: for example --pivot 320,-40"
         )
     return x, y
 
 
-def _rows(video: Path, pivot_px: tuple[float, float]) -> list[TrackedFrame]:
+def _tracked_frames(video: Path, pivot_px: tuple[float, float]) -> list[TrackedFrame]:
     import cv2
 
     from vision.sources import video_frames

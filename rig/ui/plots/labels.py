@@ -1,4 +1,4 @@
-"""Names beside the points of a chart, where they hide no other point and no other name."""
+"""Placement of names beside the points of a chart, without overlaps where possible."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox
 
-MARK = 9.0  # around a point, in points of print
-SIDES = (  # offset in points of print, and how the name is set there
+MARKER_SIZE_PT = 9.0  # width and height kept free around a point
+SIDES = (  # offset [pt], horizontal and vertical alignment of the name
     ((8.0, 10.0), "left", "center"),
     ((-13.0, 0.0), "right", "center"),
     ((0.0, 15.0), "center", "bottom"),
@@ -22,31 +22,35 @@ SIDES = (  # offset in points of print, and how the name is set there
 def label_points(
     panel: Axes, places: Sequence[tuple[float, float]], labels: Mapping[int, tuple[str, str]]
 ) -> list[Annotation]:
-    """Write name and colour beside the points of those numbers; where no side is free, the first one is taken.
+    """Write names beside points of a chart; gives the annotations.
 
-    Limits and all other artists of the chart must be there, as the layout is done here.
+    places: data coordinates of all points. labels: name and colour by index of the point.
+    Each name takes the side with the fewest overlaps, the first of SIDES among equals.
+    Set the axis limits and draw all other artists before: the layout is computed here.
     """
     figure = panel.figure
-    figure.draw_without_rendering()  # type: ignore[union-attr]  # lays out
-    reach = MARK / 72.0 * figure.dpi / 2.0
+    figure.draw_without_rendering()  # type: ignore[union-attr]  # computes the layout
+    half_px = MARKER_SIZE_PT / 72.0 * figure.dpi / 2.0
     pixels = panel.transData.transform(np.asarray(places))
-    taken, written = (
-        [Bbox.from_bounds(x - reach, y - reach, 2.0 * reach, 2.0 * reach) for x, y in pixels],
-        [],
-    )
+    size_px = 2.0 * half_px
+    taken = [Bbox.from_bounds(x - half_px, y - half_px, size_px, size_px) for x, y in pixels]
+    written: list[Annotation] = []
     for number, (name, colour) in labels.items():
         tries = [_write(panel, name, colour, places[number], side) for side in SIDES]
         boxes = [note.get_window_extent() for note in tries]
-        hidden = [
-            sum(box.overlaps(other) for other in taken) + _outside(panel, box) for box in boxes
-        ]
-        best = int(np.argmin(hidden))
+        overlaps = [_count_overlaps(panel, box, taken) for box in boxes]
+        best = int(np.argmin(overlaps))
         for k, note in enumerate(tries):
             if k != best:
                 note.remove()
         taken.append(boxes[best])
         written.append(tries[best])
     return written
+
+
+def _count_overlaps(panel: Axes, box: Bbox, taken: Sequence[Bbox]) -> int:
+    """Count the boxes that a box overlaps; a box that leaves the panel counts one more."""
+    return sum(box.overlaps(other) for other in taken) + _is_outside(panel, box)
 
 
 def _write(
@@ -56,20 +60,22 @@ def _write(
     place: tuple[float, float],
     side: tuple[tuple[float, float], str, str],
 ) -> Annotation:
-    offset, across, up = side
+    offset, horizontal, vertical = side
     return panel.annotate(
         name,
         place,
         offset,
         textcoords="offset points",
-        ha=across,
-        va=up,
+        ha=horizontal,
+        va=vertical,
         fontsize=9,
         color=colour,
         annotation_clip=False,
     )
 
 
-def _outside(panel: Axes, box: Bbox) -> bool:
+def _is_outside(panel: Axes, box: Bbox) -> bool:
     inner = panel.bbox
-    return bool(box.x0 < inner.x0 or box.x1 > inner.x1 or box.y0 < inner.y0 or box.y1 > inner.y1)
+    beside = box.x0 < inner.x0 or box.x1 > inner.x1
+    above_or_below = box.y0 < inner.y0 or box.y1 > inner.y1
+    return bool(beside or above_or_below)

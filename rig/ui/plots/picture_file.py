@@ -1,4 +1,4 @@
-"""Where a file goes when a command is asked for one, a picture above all."""
+"""Checks and writing of figure files named on the command line."""
 
 from __future__ import annotations
 
@@ -11,11 +11,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FORMATS = (".svg", ".png", ".pdf")
-DPI = 130
+DPI = 130  # of a .png file
 
 
 def check(path: Path) -> None:
-    """Raises ConfigError for an ending that is no picture, and for no folder; worth asking before long work."""
+    """Check the ending and the folder of a figure file before long computations.
+
+    Raises ConfigError for an ending not in FORMATS and for a folder that does not exist.
+    """
     if path.suffix.lower() not in FORMATS:
         raise ConfigError(
             f"--plot {str(path)!r}; must end in one of {', '.join(FORMATS)}: rename it"
@@ -24,14 +27,15 @@ def check(path: Path) -> None:
 
 
 def check_folder(option: str, path: Path) -> None:
-    """Raises ConfigError for a file in no folder."""
+    """Check that the folder of a file exists; raises ConfigError."""
     if not path.parent.is_dir():
         raise ConfigError(
-            f"{option} {str(path)!r}: no folder '{path.parent}'; must be there: make it, or name another"
+            f"{option} {str(path)!r}: no folder '{path.parent}'; must exist: "
+            "make it, or name another"
         )
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write the figure in the format of the path's ending. Raises what check() does, OSError."""
+    """Write a figure in the format of the path's ending; raises what check() does, and OSError."""
     check(path)
     figure.savefig(path, dpi=DPI)

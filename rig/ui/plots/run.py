@@ -1,4 +1,4 @@
-"""The pictures of a run: position, swing, residual, and the camera's view with the detected cable."""
+"""Figures of a run: position, swing, residual swing, and the camera image with the cable."""
 
 from __future__ import annotations
 
@@ -14,15 +14,31 @@ from matplotlib.figure import Figure
 from comms.messages import AngleSample
 from rig.analysis.identify.decay import DecayFit
 from rig.analysis.run_log import FloatArray, RunLog
+from rig.ui.plots.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    IMAGE_CYAN,
+    IMAGE_YELLOW,
+    ORANGE,
+    RED,
+    SHADE,
+    style_axes,
+)
 
-WIDE, TALL = 10.0, 3.2  # inches
-PLANNED, ACTUAL, TRUE, TWIN, MEASURED = "#888888", "#1565c0", "#2e7d32", "#ef6c00", "#c62828"
-AROUND_S = 0.6  # shown before and after the move
+WIDTH_IN = 10.0
+HEIGHT_IN = 3.2  # of a figure with one panel
+PLANNED = GREY
+ACTUAL = BLUE
+TRUE = GREEN
+TWIN = ORANGE  # the run without losses
+MEASURED = RED
+AROUND_S = 0.6  # time shown before and after the move [s]
 
 
 def position(run: RunLog, twin: RunLog | None) -> Figure:
-    """Planned, commanded and actual place over the time of the move, and the difference to the plan."""
-    figure, (upper, lower) = _two()
+    """Draw planned, commanded and actual position during the move, and actual minus planned."""
+    figure, (upper, lower) = _two_panels()
     t_sent, commanded, t_actual, actual = run.robot.T
     t0, t1 = _move_window(run)
     shown = np.linspace(t0, t1, 1000)
@@ -43,18 +59,22 @@ def position(run: RunLog, twin: RunLog | None) -> Figure:
             ls="--",
             label="actual, without losses",
         )
+        twin_error = (actual_twin - twin.planned_m(t_twin)) * 1e3
         lower.plot(
-            *_cut(t_twin, (actual_twin - twin.planned_m(t_twin)) * 1e3, a, b, twin.t_move_s),
-            color=TRUE, lw=1, ls="--", label="without losses",
-        )  # fmt: skip
+            *_cut(t_twin, twin_error, a, b, twin.t_move_s),
+            color=TRUE,
+            lw=1,
+            ls="--",
+            label="without losses",
+        )
     _finish(upper, "x [m]", "")
     _finish(lower, "difference [mm]", "time from the start of the move [s]")
     return figure
 
 
 def swing(run: RunLog, twin: RunLog | None) -> Figure:
-    """Measured and true angle over the whole run, and their difference."""
-    figure, (upper, lower) = _two()
+    """Draw measured and true angle over the whole run, and measured minus true."""
+    figure, (upper, lower) = _two_panels()
     t, angle, _ = run.swing
     t_true, true, rate, _ = run.truth.T
     zero = run.t_move_s
@@ -77,15 +97,15 @@ def swing(run: RunLog, twin: RunLog | None) -> Figure:
         lower.plot(t[inside] - zero, error, color=MEASURED, lw=0.8, label="measured - true")
     for axes in (upper, lower):
         if run.plan.time_s:
-            axes.axvspan(0, run.plan.time_s, color="#00000011", lw=0)
+            axes.axvspan(0, run.plan.time_s, color=SHADE, lw=0)
     _finish(upper, "swing [mrad]", "")
     _finish(lower, "difference [mrad]", "time from the start of the move [s]")
     return figure
 
 
 def residual(run: RunLog, fit: DecayFit | None, twin: RunLog | None) -> Figure:
-    """What is left after the move: measured, true, and the fitted decay."""
-    figure = Figure(figsize=(WIDE, TALL), layout="constrained")
+    """Draw the swing after the move: measured, true and fitted decay."""
+    figure = Figure(figsize=(WIDTH_IN, HEIGHT_IN), layout="constrained")
     axes = figure.subplots()
     t, angle, _ = run.swing
     zero, after = run.t_move_s, run.t_settled_s
@@ -120,8 +140,12 @@ def residual(run: RunLog, fit: DecayFit | None, twin: RunLog | None) -> Figure:
 
 
 def camera(run: RunLog) -> Figure | None:
-    """The kept picture nearest the largest measured swing, with the cable the tracker saw; None without pictures."""
-    pictures, seen = run.pictures(), [a for a in run.angles if a.raw_rad is not None]
+    """Draw the logged image nearest the largest measured swing, with the detected cable.
+
+    None when the log has no images or no angles.
+    """
+    pictures = run.pictures()
+    seen = [a for a in run.angles if a.raw_rad is not None]
     settings = msgspec.json.decode(run.log.attachments.get("vision.json", b"null"))
     if not pictures or not seen or settings is None:
         return None
@@ -133,16 +157,16 @@ def camera(run: RunLog) -> Figure | None:
         return None
     average_s = (settings["average_frames"] - 1) / 2 * settings["period_ns"] * 1e-9
     sample = min(seen, key=lambda a: abs(a.t_valid_ns * 1e-9 + average_s - stamps[k]))
-    figure = Figure(
-        figsize=(WIDE * 0.72, WIDE * 0.72 * image.shape[0] / image.shape[1] + 0.3),
-        layout="constrained",
-    )
+    width_in = WIDTH_IN * 0.72
+    height_in = width_in * image.shape[0] / image.shape[1] + 0.3
+    figure = Figure(figsize=(width_in, height_in), layout="constrained")
     axes = figure.subplots()
     axes.imshow(np.dstack([image, image // 6, image // 6]))
     _draw_cable(axes, sample, settings, image.shape[0])
     raw = (sample.raw_rad or 0.0) * 1e3
     axes.set_title(
-        f"{stamps[k] - run.t_move_s:+.2f} s from the start of the move: {raw:.2f} mrad in the picture",
+        f"{stamps[k] - run.t_move_s:+.2f} s from the start of the move: "
+        f"{raw:.2f} mrad in the image",
         fontsize=9,
     )
     axes.set_xlim(0, image.shape[1])
@@ -159,21 +183,22 @@ def _draw_cable(axes: Axes, sample: AngleSample, settings: dict[str, Any], heigh
     axes.plot(
         columns,
         rows,
-        color="#00e5ff",
+        color=IMAGE_CYAN,
         lw=1.0,
         ls="--",
         label=f"detected cable ({sample.rows} rows)",
     )
-    axes.plot([u0], [v0], "x", color="#ffd600", label="predicted pivot")
+    axes.plot([u0], [v0], "x", color=IMAGE_YELLOW, label="predicted pivot")
 
 
-def _two() -> tuple[Figure, tuple[Axes, Axes]]:
-    figure = Figure(figsize=(WIDE, TALL * 1.5), layout="constrained")
+def _two_panels() -> tuple[Figure, tuple[Axes, Axes]]:
+    figure = Figure(figsize=(WIDTH_IN, HEIGHT_IN * 1.5), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
     return figure, (upper, lower)
 
 
 def _move_window(run: RunLog) -> tuple[float, float]:
+    """Compute start and end of the time shown around the move [s], run clock."""
     end_s = run.plan.time_s if run.plan.time_s else run.plan.watch_s
     return run.t_move_s - AROUND_S, run.t_move_s + end_s + AROUND_S
 
@@ -181,14 +206,13 @@ def _move_window(run: RunLog) -> tuple[float, float]:
 def _cut(
     t: FloatArray, y: FloatArray, t0: float, t1: float, zero_s: float
 ) -> tuple[FloatArray, FloatArray]:
+    """Keep the samples from t0 to t1; times count from zero_s."""
     keep = (t >= t0) & (t <= t1)
     return t[keep] - zero_s, y[keep]
 
 
 def _finish(axes: Axes, ylabel: str, xlabel: str) -> None:
-    axes.set_ylabel(ylabel)
-    axes.set_xlabel(xlabel)
-    axes.grid(alpha=0.25, lw=0.5)
+    style_axes(axes, xlabel=xlabel, ylabel=ylabel)
     if axes.get_legend_handles_labels()[0]:
         axes.legend(
             loc="lower left",

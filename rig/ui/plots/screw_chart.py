@@ -1,4 +1,4 @@
-"""The chart of diameters and leads: limits, the admissible region and the catalogue's screws."""
+"""Figure of ball screws: diameter and lead, limits, admissible region and catalogue entries."""
 
 from __future__ import annotations
 
@@ -14,61 +14,73 @@ from rig.drives.screw.limits import absolute_least_lead
 from rig.drives.screw.region import LimitCurve, Region, region
 from rig.drives.screw.verdict import Assessment
 from rig.ui.plots.labels import label_points
+from rig.ui.plots.style import (
+    BLUE,
+    BROWN,
+    GREEN,
+    NAVY,
+    OLIVE,
+    ORANGE,
+    PINK,
+    PURPLE,
+    RED,
+    SLATE,
+    TEAL,
+    style_axes,
+)
 
 MM = 1e3
-CURVE_POINTS = 400  # diameters
-ROOM = 1.15  # of the largest screw
-THINNEST = 0.01  # of the chart's width
-TOLD = 4  # screws of which the chart says what they break
-COLOURS = {
-    "whirling": "#1565c0",
-    "balls": "#ef6c00",
-    "buckling": "#6a1b9a",
-    "life": "#00838f",
-    "sag": "#ad1457",
-    "accuracy": "#4e342e",
-    "stiffness": "#283593",
-    "bandwidth": "#558b2f",
+CURVE_POINTS = 400  # diameters of a limit curve
+AXIS_RANGE_REL = 1.15  # upper end of both axes over the largest screw
+MIN_DIAMETER_REL = 0.01  # smallest diameter of a curve over the width of the chart
+MAX_VIOLATION_NOTES = 4  # screws whose violated limits are listed beside the chart
+COLOURS = {  # by name of the limit
+    "whirling": BLUE,
+    "balls": ORANGE,
+    "buckling": PURPLE,
+    "life": TEAL,
+    "sag": PINK,
+    "accuracy": BROWN,
+    "stiffness": SLATE,
+    "bandwidth": OLIVE,
 }
-CALM, BAD, INK = "#2e7d32", "#c62828", "#1a237e"
 
 
 def draw_region(axis: AxisSpec, found: Sequence[Assessment], judged: Assessment) -> Figure:
-    """Leads over diameters: a line for each limit, the admissible region shaded, screws that do and those that do not.
+    """Draw lead over diameter: limit curves, admissible region and the screws of a catalogue.
 
-    judged is one of those found; the lines of the balls and of life are those of its nut.
+    judged: the assessed choice, one of found. The curves of ball speed and life are those of
+    its nut.
     """
     figure = Figure(figsize=(11.0, 7.5), layout="constrained")
     panel = figure.subplots()
-    need, nut = axis.demand, judged.candidate
+    need = axis.demand
+    nut = judged.candidate
     least = absolute_least_lead(
         axis.mounting, need.peak_speed_m_s, axis.utilisation.whirl, axis.balls_m_rpm(nut)
     )
-    right = ROOM * max(least.diameter_m, *(a.candidate.diameter_m for a in found))
-    top = ROOM * max(least.lead_m, *(a.candidate.lead_m for a in found))
-    limits = region(axis, np.linspace(THINNEST * right, right, CURVE_POINTS), nut)
-    notes = [
-        *_shade(panel, limits, top),
-        *(_line(panel, line, limits.diameter_m, top) for line in limits.lines),
-    ]
+    right = AXIS_RANGE_REL * max(least.diameter_m, *(a.candidate.diameter_m for a in found))
+    top = AXIS_RANGE_REL * max(least.lead_m, *(a.candidate.lead_m for a in found))
+    limits = region(axis, np.linspace(MIN_DIAMETER_REL * right, right, CURVE_POINTS), nut)
+    notes = _shade_region(panel, limits, top)
+    for line in limits.lines:
+        notes.append(_draw_limit(panel, line, limits.diameter_m, top))
     panel.plot(
         MM * least.diameter_m,
         MM * least.lead_m,
         "*",
         ms=13,
-        color=INK,
-        label="least lead of all",
+        color=NAVY,
+        label="least admissible lead",
         zorder=4,
     )
     panel.set_xlim(0.0, MM * right)
     panel.set_ylim(0.0, MM * top)
-    _screws(panel, found, judged)
-    named = [a for a in found if a is judged or _inside(axis, a, judged)]
-    notes += _told(sorted((a for a in named if a.broken), key=lambda a: a is not judged))
-    panel.set_xlabel("diameter d [mm]")
-    panel.set_ylabel("lead p [mm]")
-    panel.grid(alpha=0.25)
-    panel.spines[["top", "right"]].set_visible(False)
+    _draw_screws(panel, found, judged)
+    named = [a for a in found if a is judged or _is_inside(axis, a, judged)]
+    violating = [a for a in named if a.broken]
+    notes += _violation_notes(sorted(violating, key=lambda a: a is not judged))
+    style_axes(panel, xlabel="diameter d [mm]", ylabel="lead p [mm]")
     panel.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False)
     panel.annotate(
         "\n".join(filter(None, notes)),
@@ -76,45 +88,52 @@ def draw_region(axis: AxisSpec, found: Sequence[Assessment], judged: Assessment)
         xycoords="axes fraction",
         va="bottom",
         fontsize=9,
-        color=INK,
+        color=NAVY,
     )
-    title = f"{need.peak_speed_m_s:.4g} m/s, {need.peak_force_n:.4g} N, screw of {axis.mounting.length_m:g} m"
-    figure.suptitle(
-        f"{title}: screws are judged by all checks, the region by its lines", ha="left", x=0.01
+    title = (
+        f"{need.peak_speed_m_s:.4g} m/s, {need.peak_force_n:.4g} N, "
+        f"screw length {axis.mounting.length_m:g} m; "
+        "region: admissible by the limits drawn; marks: all checks"
     )
+    figure.suptitle(title, ha="left", x=0.01)
     places = [(MM * a.candidate.diameter_m, MM * a.candidate.lead_m) for a in found]
-    labels = {found.index(a): (a.candidate.name, BAD if a.broken else INK) for a in named}
+    labels = {found.index(a): (a.candidate.name, RED if a.broken else NAVY) for a in named}
     label_points(panel, places, labels)
     return figure
 
 
-def _shade(panel: Axes, limits: Region, top: float) -> list[str]:
-    """The region; a note where there is none."""
-    low, high = np.minimum(limits.low_m, top), np.minimum(limits.high_m, top)
+def _shade_region(panel: Axes, limits: Region, top: float) -> list[str]:
+    """Shade the admissible region; gives a note where it is empty."""
+    low = np.minimum(limits.low_m, top)
+    high = np.minimum(limits.high_m, top)
     inside = low < high
     if not inside.any():
-        return ["no diameter and lead of the chart\nkeep all lines"]
+        return ["admissible region: empty\nwithin this chart"]
     panel.fill_between(
         MM * limits.diameter_m,
         MM * low,
         MM * high,
         where=inside,
-        color=CALM,
+        color=GREEN,
         alpha=0.14,
         lw=0,
-        label="admissible by the lines",
+        label="admissible region",
     )
     return []
 
 
-def _line(panel: Axes, line: LimitCurve, diameter_m: FloatArray, top: float) -> str:
-    """A limit; a note in its place where it is off the chart."""
+def _draw_limit(panel: Axes, line: LimitCurve, diameter_m: FloatArray, top: float) -> str:
+    """Draw a limit curve, labelled by its admissible side.
+
+    Gives a note instead where the curve is off the chart.
+    """
     colour = COLOURS[line.name]
     if line.diameter_m is not None:
-        if THINNEST * diameter_m[-1] < line.diameter_m < diameter_m[-1]:
-            panel.axvline(MM * line.diameter_m, color=colour, lw=1.8, label=f"{line.name}: thicker")
+        if MIN_DIAMETER_REL * diameter_m[-1] < line.diameter_m < diameter_m[-1]:
+            label = f"{line.name}: larger diameter"
+            panel.axvline(MM * line.diameter_m, color=colour, lw=1.8, label=label)
             return ""
-        return _off(line, kept=line.diameter_m < diameter_m[-1])
+        return _off_chart_note(line, satisfied=line.diameter_m < diameter_m[-1])
     if ((line.lead_m > 0.0) & (line.lead_m < top)).any():
         shown = line.lead_m <= 2.0 * top
         side = "below" if line.greatest else "above"
@@ -126,41 +145,44 @@ def _line(panel: Axes, line: LimitCurve, diameter_m: FloatArray, top: float) -> 
             label=f"{line.name}: {side}",
         )
         return ""
-    return _off(line, kept=line.greatest == bool((line.lead_m >= top).any()))
+    is_above_chart = bool((line.lead_m >= top).any())
+    return _off_chart_note(line, satisfied=line.greatest == is_above_chart)
 
 
-def _off(line: LimitCurve, kept: bool) -> str:
-    return f"{line.name}: off the chart, kept {'everywhere' if kept else 'nowhere'}"
+def _off_chart_note(line: LimitCurve, *, satisfied: bool) -> str:
+    return f"{line.name}: off the chart, satisfied {'everywhere' if satisfied else 'nowhere'}"
 
 
-def _screws(panel: Axes, found: Sequence[Assessment], judged: Assessment) -> None:
-    told = [a for a in found if a.admissible and not a.undecided]
-    open_ones = [a for a in found if a.admissible and a.undecided]
+def _draw_screws(panel: Axes, found: Sequence[Assessment], judged: Assessment) -> None:
+    """Mark every screw: admissible, admissible with data missing, or not admissible."""
+    decided = [a for a in found if a.admissible and not a.undecided]
+    undecided = [a for a in found if a.admissible and a.undecided]
+    rejected = [a for a in found if not a.admissible]
     for group, mark, inside, colour, label in (
-        (told, "o", CALM, CALM, "screw that fits"),
-        (open_ones, "o", "white", CALM, "fits as far as is told"),
-        ([a for a in found if not a.admissible], "x", BAD, BAD, "does not fit"),
+        (decided, "o", GREEN, GREEN, "admissible"),
+        (undecided, "o", "white", GREEN, "admissible, data missing"),
+        (rejected, "x", RED, RED, "not admissible"),
     ):
         if group:
-            d, p = zip(
-                *((MM * a.candidate.diameter_m, MM * a.candidate.lead_m) for a in group),
-                strict=True,
-            )
+            d = [MM * a.candidate.diameter_m for a in group]
+            p = [MM * a.candidate.lead_m for a in group]
             panel.plot(d, p, mark, ms=7, mew=1.6, mfc=inside, mec=colour, label=label, zorder=3)
     at = MM * judged.candidate.diameter_m, MM * judged.candidate.lead_m
-    panel.plot(*at, "D", ms=14, mfc="none", mew=1.6, color=INK, label="the one judged", zorder=4)
+    panel.plot(*at, "D", ms=14, mfc="none", mew=1.6, color=NAVY, label="assessed screw", zorder=4)
 
 
-def _told(broken: Sequence[Assessment]) -> list[str]:
-    """What keeps named screws from fitting."""
-    rest = [f"and {len(broken) - TOLD} more"] if len(broken) > TOLD else []
-    return [
-        f"{a.candidate.name} breaks\n  " + "\n  ".join(check.name for check in a.broken)
-        for a in broken[:TOLD]
-    ] + rest
+def _violation_notes(broken: Sequence[Assessment]) -> list[str]:
+    """List the limits that screws violate, for MAX_VIOLATION_NOTES of them."""
+    notes = []
+    for a in broken[:MAX_VIOLATION_NOTES]:
+        names = "\n  ".join(check.name for check in a.broken)
+        notes.append(f"{a.candidate.name} violates\n  {names}")
+    if len(broken) > MAX_VIOLATION_NOTES:
+        notes.append(f"and {len(broken) - MAX_VIOLATION_NOTES} more")
+    return notes
 
 
-def _inside(axis: AxisSpec, a: Assessment, judged: Assessment) -> bool:
-    """Whether a screw lies within the region."""
+def _is_inside(axis: AxisSpec, a: Assessment, judged: Assessment) -> bool:
+    """Check whether a screw lies in the admissible region."""
     here = region(axis, np.array([a.candidate.diameter_m]), judged.candidate)
     return bool(here.low_m[0] <= a.candidate.lead_m <= here.high_m[0])

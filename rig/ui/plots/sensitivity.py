@@ -1,4 +1,4 @@
-"""Plot of the sensitivity curves: residual vibration versus parameter error."""
+"""Figure of the sensitivity curves: residual vibration versus parameter error."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from matplotlib.lines import Line2D
 
 from rig.studies.thesis_tables.curves import FAMILIES, LOADS, SensitivityCurve
 from rig.ui.plots import picture_file
+from rig.ui.plots.style import BLUE, GREEN, INK, RED, SHADE, style_axes
 
-PANEL_WIDE, PANEL_TALL = 3.2, 2.1  # inches
-NEAR = 0.05  # share of the nominal value that is shaded: how well such a parameter is usually known
-TOP_MRAD = (
-    90.0  # one scale for all panels: the simple plans' worst; what leaves it is in the document
-)
-COLOURS = {2.5: "#2e7d32", 2.0: "#1565c0", 1.5: "#c62828"}
+PANEL_WIDTH_IN = 3.2
+PANEL_HEIGHT_IN = 2.1
+SHADED_REL = 0.05  # usual uncertainty of such a parameter, relative to its nominal value
+TOP_MRAD = 90.0  # of all panels: the largest residual of the plans without robustness
+COLOURS = {2.5: GREEN, 2.0: BLUE, 1.5: RED}  # by duration of the move [s]
 
 
 def draw(document: dict[str, SensitivityCurve], path: Path) -> None:
-    """Draw the document into a .svg, .png or .pdf file: a row for each family, a column for each load and parameter.
+    """Draw the sensitivity curves into a .svg, .png or .pdf file.
 
     Raises ConfigError for another ending, OSError when the file cannot be written.
     """
@@ -30,16 +30,19 @@ def draw(document: dict[str, SensitivityCurve], path: Path) -> None:
 
 
 def sheet(document: dict[str, SensitivityCurve]) -> Figure:
-    """The document as a figure: small swings solid, nonlinear dashed, +-5 % shaded."""
+    """Draw the sensitivity curves: a row for each family, a column for each load and parameter.
+
+    Linear load solid, nonlinear load dashed; +-5 % around the nominal value shaded.
+    """
     families = list(dict.fromkeys(series.family for series in document.values()))
     columns = list(dict.fromkeys((series.load, series.parameter) for series in document.values()))
-    figure = Figure(
-        figsize=(PANEL_WIDE * len(columns), PANEL_TALL * len(families)), layout="constrained"
-    )
+    size_in = (PANEL_WIDTH_IN * len(columns), PANEL_HEIGHT_IN * len(families))
+    figure = Figure(figsize=size_in, layout="constrained")
     panels = figure.subplots(len(families), len(columns), sharex="col", sharey=True, squeeze=False)
     panels[0, 0].set_ylim(0.0, TOP_MRAD)
     for series in document.values():
-        row, column = families.index(series.family), columns.index((series.load, series.parameter))
+        row = families.index(series.family)
+        column = columns.index((series.load, series.parameter))
         _add(panels[row, column], series)
     for family, axes in zip(families, panels[:, 0], strict=True):
         axes.set_ylabel(f"{_label(family)}\nresidual [mrad]")
@@ -50,21 +53,21 @@ def sheet(document: dict[str, SensitivityCurve]) -> Figure:
         Line2D([], [], color=colour, label=f"{time_s:g} s") for time_s, colour in COLOURS.items()
     ]
     lines += [
-        Line2D([], [], color="#444", ls=style, label=name)
-        for name, style in (("small swings", "-"), ("true load", "--"))
+        Line2D([], [], color=INK, ls=style, label=name)
+        for name, style in (("linear load", "-"), ("nonlinear load", "--"))
     ]
     figure.legend(handles=lines, loc="outside lower center", ncols=len(lines), frameon=False)
-    title = f"Swing left by a wrong parameter, ±{NEAR * 100:g} % of it shaded"
+    title = f"Residual swing versus parameter error, ±{SHADED_REL * 100:g} % shaded"
     figure.suptitle("\n".join([title, *_remarks(document)]), fontsize=10)
     return figure
 
 
 def _add(axes: Axes, series: SensitivityCurve) -> None:
     if not axes.lines:
-        axes.axvspan(
-            series.nominal * (1.0 - NEAR), series.nominal * (1.0 + NEAR), color="#00000014", lw=0
-        )
-        axes.grid(alpha=0.25, lw=0.5)
+        low = series.nominal * (1.0 - SHADED_REL)
+        high = series.nominal * (1.0 + SHADED_REL)
+        axes.axvspan(low, high, color=SHADE, lw=0)
+        style_axes(axes)
         axes.set_xlim(series.values[0], series.values[-1])
     colour = COLOURS.get(series.time_s)
     axes.plot(
@@ -81,28 +84,28 @@ def _add(axes: Axes, series: SensitivityCurve) -> None:
 
 def _label(family: str) -> str:
     words = family.replace("_", " ")
-    return (
-        f"{words}\nto {' / '.join(load.robust for load in LOADS.values())}"
-        if FAMILIES[family].robust
-        else words
-    )
+    if not FAMILIES[family].robust:
+        return words
+    parameters = " / ".join(load.robust for load in LOADS.values())
+    return f"{words}\nto {parameters}"
 
 
 def _remarks(document: dict[str, SensitivityCurve]) -> Iterator[str]:
-    """Where curves left the panels, and which plans leave them although nothing is wrong."""
-    left = {
-        f"{series.load} {series.family} {series.time_s:g} s".replace("_", " "): mrad
-        for series in document.values()
-        if (
-            mrad := 1e3
-            * float(np.interp(series.nominal, series.values, series.residual_nonlinear_rad))
-        )
-        > TOP_MRAD
-    }
-    yield f"Curves that leave the panels at {TOP_MRAD:g} mrad are whole in `rig compare sensitivity --json`."
-    if left:
-        named = ", ".join(f"{plan} leaves {mrad:.0f} mrad" for plan, mrad in left.items())
-        yield f"On the true load, which is not linear, even with nothing wrong: {named}."
+    """Describe curves above TOP_MRAD, and plans above it without parameter error."""
+    yield (
+        f"Curves are cut at {TOP_MRAD:g} mrad; "
+        "`rig compare sensitivity --json` gives all their values."
+    )
+    large: dict[str, float] = {}
+    for series in document.values():
+        residual_rad = np.interp(series.nominal, series.values, series.residual_nonlinear_rad)
+        residual_mrad = 1e3 * float(residual_rad)
+        if residual_mrad > TOP_MRAD:
+            plan = f"{series.load} {series.family} {series.time_s:g} s".replace("_", " ")
+            large[plan] = residual_mrad
+    if large:
+        named = ", ".join(f"{plan}: {mrad:.0f} mrad" for plan, mrad in large.items())
+        yield f"Residual swing of the nonlinear load without parameter error: {named}."
 
 
 def _unit(parameter: str) -> str:

@@ -640,7 +640,7 @@ def test_the_techniques_are_explained_and_the_dashes_are_counted(capsys, untimed
     assert "Esponenziale = planner matrix_exponential" in text
     assert "6 rows: 3 reproduced, 2 partly, 1 no entry; 1 of the dashes" in text
     assert verb("4.1") == 0
-    assert "Forza = commands force" in capsys.readouterr().out
+    assert "Forza = force input" in capsys.readouterr().out
 
 
 def test_a_file_in_no_folder_is_refused_before_any_work(tmp_path, monkeypatch):

@@ -424,7 +424,7 @@ def test_an_unstable_loop_is_named_and_ranked_nowhere(rig):
     code, out, _ = rig("servo", "compare", *words)
     assert code == 0
     assert "pid is unstable on the joint believed in" in out
-    assert "leaves less than" not in out
+    assert "below that of" not in out
     document = json.loads(rig("servo", "compare", *words, "--json")[1])
     assert document["verdict"] == "doubtful"
     assert not document["designs"]["pid"]["stable"]
@@ -466,7 +466,7 @@ def test_every_controller_of_a_picture_has_a_colour_of_its_own():
 def test_the_command_shows_a_table_and_says_who_leaves_less(rig):
     code, out, _ = rig("servo", "compare", "--truth", "listed,fitted")
     assert code == 0
-    assert "lqg leaves less than pid in 6 of 6 moves" in out
+    assert "residual of lqg below that of pid in 6 of 6 moves" in out
     assert "did not arrive" not in out
     assert "40° in 0.5 s" in out
     assert "127.4, 0.385" in out  # the design's least damped pair

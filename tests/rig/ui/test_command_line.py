@@ -1,4 +1,4 @@
-"""`rig` as its users meet it: what it prints, what it refuses, and with which exit code. No mistake gives a stack trace."""
+"""Output, refusals and exit codes of the command line; no mistake gives a stack trace."""
 
 import csv
 from pathlib import Path
@@ -10,8 +10,8 @@ from rig.run.runs import LOG
 
 BRIEF = ["--set", "experiment.quiet_s=0.6", "--set", "experiment.watch_s=2.5"]
 JSON_KEYS = {
-    "run_id", "run_dir", "mode", "exit_status", "verdict", "reasons", "planner", "move_m", "move_time_s", "measured", "sigma",
-    "truth", "planned", "latency_ms", "links", "digest",
+    "run_id", "run_dir", "mode", "exit_status", "verdict", "reasons", "planner", "move_m",
+    "move_time_s", "measured", "sigma", "truth", "planned", "latency_ms", "links", "digest",
 }  # fmt: skip
 QUANTITIES = {
     "peak_swing_rad",
@@ -24,7 +24,7 @@ QUANTITIES = {
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
-    """A short run in virtual time, made once."""
+    """Folder of a short run in virtual time."""
     from rig.run import config, experiment
 
     changes = [word for word in BRIEF if word != "--set"]
@@ -35,7 +35,7 @@ def recorded(tmp_path_factory):
 
 
 def table(name):
-    """Rows of a CSV file in the present folder."""
+    """Rows of a CSV file in the current folder."""
     with Path(name).open() as file:
         return list(csv.DictReader(file))
 
@@ -83,7 +83,7 @@ def test_a_run_prints_one_json_document_with_the_promised_keys_and_nothing_else(
 def test_a_run_shows_its_plan_first_and_a_table_last(rig):
     code, said, before = rig("run", "--virtual", "--no-report", *BRIEF)
     assert code == 0
-    assert "promises" in before
+    assert "predicted swing" in before
     assert "cable length" in said
     assert "verdict: good" in said
 
@@ -174,7 +174,7 @@ def test_equal_seeds_give_equal_videos(rig, tmp_path):
     assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
 
 
-def test_analyze_says_of_a_log_what_the_run_said(rig, recorded):
+def test_analyze_gives_the_result_of_the_run(rig, recorded):
     code, said, _ = rig("analyze", recorded, "--json", "--csv", "swing.csv")
     assert code == 0
     assert msgspec.json.decode(said)["run_id"] == recorded.name
@@ -206,17 +206,26 @@ MISTAKES = {
     "an experiment that is not there": (["run", "moove"], 2, "did you mean 'move'?"),
     "a misspelt key": (["run", "--set", "move.distanse_m=0.1"], 2, "did you mean 'distance_m'?"),
     "a misspelt section": (["run", "--set", "benhc.x=1"], 2, "did you mean 'bench'?"),
-    "a truth out of bounds": (["run", "--set", "bench.pendulum.length_m=-1"], 2, "[bench.pendulum] length_m = -1"),
-    "a misspelt truth": (["run", "--set", "bench.camera.pich_deg=1"], 2, "did you mean 'pitch_deg'?"),
+    "a plant parameter out of bounds": (
+        ["run", "--set", "bench.pendulum.length_m=-1"], 2, "[bench.pendulum] length_m = -1",
+    ),
+    "a misspelt plant parameter": (
+        ["run", "--set", "bench.camera.pich_deg=1"], 2, "did you mean 'pitch_deg'?",
+    ),
     "a planner that is not there": (["run", "--planner", "zvv"], 2, "zv"),
-    "a plan that leaves the workspace": (["run", "--set", "move.distance_m=0.3"], 3, "-0.25 to 0.25 m"),
+    "a plan that leaves the workspace": (
+        ["run", "--set", "move.distance_m=0.3"], 3, "-0.25 to 0.25 m",
+    ),
     "a plan that leaves the limits": (["run", "--set", "move.time_s=0.8"], 3, "limit"),
     "a shaper that has no time": (["plan", "--planner", "zv", "--time", "0.9"], 2, "1.00"),
     "a plan without time": (["plan", "--time", "0"], 2, "must be > 0"),
     "a run that is not there": (["analyze", "nothing"], 2, "no such run"),
     "a video that is not there": (["track", "none.avi", "--pivot", "1,2"], 2, "no such file"),
     "a pivot that is none": (["track", "none.avi", "--pivot", "left"], 2, "must be X,Y"),
-    "a calibration that is not there": (["run", "--set", "vision.calibration=x.toml"], 2, "no such file"),
+    "a calibration that is not there": (
+        ["run", "--set", "vision.calibration=x.toml"], 2, "no such file",
+    ),
+    "a planner list without a name": (["run", "--planner", ","], 2, "must name one or more"),
     "an option that is none": (["run", "--virtuel"], 2, "virtuel"),
     "a stop of nothing": (["stop"], 2, "nothing is running"),
 }  # fmt: skip
@@ -243,7 +252,7 @@ def test_a_broken_experiment_file_is_named_with_its_line(rig, tmp_path):
     assert "line 1" in said
 
 
-def test_a_log_that_is_none_is_told_from_one_that_was_cut_short(rig, recorded, tmp_path):
+def test_a_file_that_is_no_log_is_distinguished_from_a_truncated_log(rig, recorded, tmp_path):
     (tmp_path / "noise.mcap").write_bytes(b"not a log" * 100)
     code, _, said = rig("analyze", "noise.mcap")
     assert (code, "not an MCAP file" in said) == (6, True)
@@ -368,7 +377,7 @@ def test_a_plan_starts_from_a_swinging_load_and_weighs_states(rig):
         ),
         (["--stiffness", "3"], "stiffness_n_m_rad = [3.0] without links"),
         ([*BARS[:2], "--stiffness", "1,2"], "stiffness_n_m_rad: 2 values; must be 1"),
-        (["--stiffness", "much"], "--stiffness 'much'; must be numbers with commas"),
+        (["--stiffness", "much"], "--stiffness 'much'; must be numbers separated by commas"),
         (["--start", "angle_rad"], "--start 'angle_rad'; must be state=value"),
         (
             ["--model", "torque"],
@@ -383,7 +392,7 @@ def test_a_plan_starts_from_a_swinging_load_and_weighs_states(rig):
         (["--plot", "plan.doc"], "--plot 'plan.doc'; must end in one of .svg, .png, .pdf"),
     ],
 )
-def test_a_plan_that_cannot_be_is_refused_by_name(rig, words, told):
+def test_an_invalid_plan_is_refused_by_name(rig, words, told):
     code, said, why = rig("plan", *words)
     assert (code, said) == (2, "")
     assert told in why
@@ -452,7 +461,7 @@ def test_a_published_table_is_shown_with_its_verdicts(rig):
         ("zvd", ['plan.law="double_s"']),
     ],
 )
-def test_any_law_runs_on_the_rig_as_it_is_or_shaped(rig, planner, changes):
+def test_any_law_runs_on_the_rig_unshaped_or_shaped(rig, planner, changes):
     words = [
         word
         for change in ["move.time_s=2.6", "model.length_m=0.98", *changes]
@@ -464,3 +473,35 @@ def test_any_law_runs_on_the_rig_as_it_is_or_shaped(rig, planner, changes):
     document = msgspec.json.decode(said)
     assert (code, document["planner"], document["verdict"]) == (0, planner, "good")
     assert document["truth"]["residual_swing_rad"] < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("verb", "units"),
+    [
+        (("motor-check",), ("torque of the motor [N m]", "rotor [kg m²]", "motion [s]")),
+        (("plan",), ("Distance [m]", "joint between links [N m/rad]", "limit [m/s²]")),
+        (("spline",), ("Speed limit [m/s]", "Jerk limit [m/s³]")),
+        (("servo", "notch"), ("[rad/s]", "the [model] of a comparison")),
+    ],
+)
+def test_the_help_of_an_option_shows_its_unit(rig, verb, units):
+    """A unit that starts with a lower-case letter must be escaped, or it is read as markup."""
+    _, text, _ = rig(*verb, "--help")
+    words = " ".join(text.replace("│", " ").split())
+    assert all(unit in words for unit in units), words
+
+
+def test_no_help_text_of_an_option_starts_with_a_preposition():
+    import typer.main
+
+    from rig.ui.cli.main import app
+
+    prepositions = ("Of", "At", "In", "With", "About", "Beside", "From", "For", "What", "Whose")
+    pending = [typer.main.get_command(app)]
+    texts = []
+    while pending:
+        command = pending.pop()
+        pending.extend(getattr(command, "commands", {}).values())
+        texts += [getattr(param, "help", "") or "" for param in command.params]
+    assert len(texts) > 100
+    assert [text for text in texts if text.split()[:1] and text.split()[0] in prepositions] == []

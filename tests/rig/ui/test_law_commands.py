@@ -1,4 +1,4 @@
-"""`rig laws`, `rig spline` and `rig motor-check` as their users meet them, against closed forms, scipy and printed figures."""
+"""`rig laws`, `rig spline`, `rig motor-check` against closed forms, scipy and printed figures."""
 
 import csv
 import math
@@ -32,7 +32,7 @@ MOTOR_OPTIONS = (
 
 @pytest.fixture
 def told(rig):
-    """The document of `rig ... --json` that ends well, or with the code that is expected."""
+    """JSON document of a verb, which must end with the expected exit code."""
 
     def call(*words, code=0):
         left, said, _ = rig(*words, "--json")
@@ -44,7 +44,7 @@ def told(rig):
 
 @pytest.fixture
 def points(tmp_path):
-    """Write a file of points; gives its path."""
+    """Function that writes a file of points and gives its path."""
 
     def write(*lines):
         path = tmp_path / "points.csv"
@@ -130,7 +130,7 @@ def test_laws_of_segments_take_the_least_time_of_their_kind(told):
     assert smooth["double_s"]["time_s"] is None
 
 
-def test_the_swing_left_after_the_least_time_is_that_of_an_independent_integration(told):
+def test_the_residual_swing_agrees_with_an_independent_integration(told):
     length, h = 0.6, 0.5
     document = told(
         "laws", "compare", "--distance", h, "--load-length", length, "--vmax", 1, "--amax", 5
@@ -170,7 +170,7 @@ def test_the_swing_left_after_the_least_time_is_that_of_an_independent_integrati
         (("--load-length", 0), "length_m = 0"),
     ],
 )
-def test_a_comparison_without_sense_is_refused_by_name(rig, words, said):
+def test_an_invalid_comparison_is_refused_by_name(rig, words, said):
     code, _, complaint = rig("laws", "compare", *words)
     assert code == 2
     assert said in complaint
@@ -186,7 +186,7 @@ def test_one_law_some_laws_and_all_of_them_are_drawn(told, tmp_path):
     assert "<svg" in (tmp_path / "two.svg").read_text()
 
 
-def test_an_unknown_law_or_picture_is_refused_with_what_there_is(rig):
+def test_an_unknown_law_or_figure_format_is_refused_with_the_known_ones(rig):
     code, _, complaint = rig("laws", "plot", "cubik")
     assert code == 2
     assert "did you mean 'cubic'" in complaint
@@ -195,7 +195,7 @@ def test_an_unknown_law_or_picture_is_refused_with_what_there_is(rig):
     assert ".svg" in complaint
 
 
-def test_an_option_before_a_verb_of_laws_is_told_where_it_belongs(rig):
+def test_an_option_before_a_verb_of_laws_is_refused_with_its_place(rig):
     code, _, complaint = rig("laws", "--json", "compare")
     assert code == 2
     assert "after it" in complaint
@@ -272,7 +272,7 @@ def test_a_total_time_is_shared_by_the_distance_and_gives_scipy_s_b_spline(told,
     assert document["axes"]["x"]["speed_m_s"]["peak"] == pytest.approx(speed, rel=1e-6)
 
 
-def test_two_points_and_springy_ends_are_only_scaled_to_the_limits(told, points):
+def test_two_points_and_natural_ends_are_only_scaled_to_the_limits(told, points):
     two = told("spline", points("x_m", "0", "1"), "--vmax", 0.5)
     assert two["axes"]["x"]["speed_m_s"]["peak"] == pytest.approx(0.5)
     free = told("spline", points("x_m", "0", "1", "0.5"), "--kind", "natural", "--vmax", 0.5)
@@ -289,7 +289,7 @@ def test_blends_pass_by_their_points_at_the_distance_of_the_closed_form(told, po
     )
 
 
-def test_a_broken_limit_ends_in_3_and_says_where(rig, points):
+def test_an_exceeded_limit_gives_exit_code_3_and_its_place(rig, points):
     file = points("t_s,x_m", "0,0", "0.1,1", "2,0.5")
     code, said, _ = rig("spline", file, "--vmax", 1, "--position-max", 0.9)
     assert code == 3
@@ -310,7 +310,7 @@ def test_a_jerk_limit_counts_the_step_of_a_cubic_s_acceleration(told, points):
     assert "without bound" in document["warnings"][0]
 
 
-def test_a_motion_is_drawn_and_told_as_a_table(rig, points, tmp_path):
+def test_a_motion_is_drawn_and_printed_as_a_table(rig, points, tmp_path):
     code, said, _ = rig(
         "spline", points("x_m,z_m", "0,0", "1,0.3", "0.5,0"), "--time", 3, "--plot", "motion.svg"
     )
@@ -344,7 +344,7 @@ def test_a_motion_is_drawn_and_told_as_a_table(rig, points, tmp_path):
         (("x_m", "0", "1", "2"), ("--vmax", -1), ("speed_m_s = -1",)),
     ],
 )
-def test_points_that_make_no_motion_are_refused_by_name(rig, points, lines, words, said):
+def test_invalid_points_are_refused_by_name(rig, points, lines, words, said):
     code, _, complaint = rig("spline", points(*lines), *words)
     assert code == 2
     assert all(word in complaint for word in said), complaint
@@ -379,10 +379,10 @@ def test_a_task_of_options_alone_is_the_example_s(told):
     assert document["margins"] == told("motor-check", "--example", "1")["margins"]
 
 
-def test_a_screw_and_a_gear_are_felt_as_their_closed_form(told):
+def test_screw_and_gear_ratio_agree_with_their_closed_form(told):
     document = told(
-        "motor-check", *MOTOR_OPTIONS, "--load-inertia", 4, "--gear-ratio", 2, "--distance", 0.1, "--radius", 0.02,
-        "--time", 3, "--law", "cubic",
+        "motor-check", *MOTOR_OPTIONS, "--load-inertia", 4, "--gear-ratio", 2,
+        "--distance", 0.1, "--radius", 0.02, "--time", 3, "--law", "cubic",
     )  # fmt: skip
     angle = 0.1 / 0.02 * 2
     assert document["inertia_kg_m2"] == pytest.approx(2.0)
@@ -390,7 +390,7 @@ def test_a_screw_and_a_gear_are_felt_as_their_closed_form(told):
     assert document["peak_speed_rad_s"] == pytest.approx(1.5 * angle / 3, rel=1e-12)
 
 
-def test_a_motor_that_is_too_hot_is_refused_and_the_rest_it_names_is_enough(told):
+def test_a_motor_above_its_rms_torque_is_refused_and_the_rest_it_names_is_sufficient(told):
     words = ("motor-check", "--example", "2", "--continuous-torque", 7)
     document = told(*words, code=3)
     assert document["verdict"] == "bad"
@@ -403,9 +403,10 @@ def test_a_motor_that_is_too_hot_is_refused_and_the_rest_it_names_is_enough(told
     assert told(*words, "--rest", rest * 0.99, code=3)["tightest"] == "thermal"
 
 
-def test_a_file_is_read_and_options_win_over_it(told, rig, tmp_path):
+def test_options_override_the_keys_of_a_file(told, rig, tmp_path):
     (tmp_path / "task.toml").write_text(
-        "[motor]\ncontinuous_torque_n_m = 8\npeak_torque_n_m = 20\nmax_speed_rad_s = 10\npeak_power_w = 90\n"
+        "[motor]\ncontinuous_torque_n_m = 8\npeak_torque_n_m = 20\n"
+        "max_speed_rad_s = 10\npeak_power_w = 90\n"
         "[drivetrain]\nmotor_inertia_kg_m2 = 1\nradius_m = 0.1\n"
         '[motion]\nlaw = "trapezoidal"\ndistance_m = 1.5\ntime_s = 3\nacceleration_m_s2 = 1.5\n'
     )
@@ -437,7 +438,7 @@ def test_a_file_is_read_and_options_win_over_it(told, rig, tmp_path):
         (("nowhere.toml",), ("nowhere.toml",)),
     ],
 )
-def test_a_task_without_sense_is_refused_by_name(rig, words, said):
+def test_an_invalid_task_is_refused_by_name(rig, words, said):
     code, _, complaint = rig("motor-check", *words)
     assert code == 2
     assert all(word in complaint for word in said), complaint
@@ -457,7 +458,7 @@ def test_an_unknown_key_and_a_broken_file_are_named(rig, tmp_path):
 @pytest.mark.parametrize(
     "verb", [("laws",), ("laws", "compare"), ("laws", "plot"), ("spline",), ("motor-check",)]
 )
-def test_every_new_verb_explains_itself(rig, verb):
+def test_the_help_of_each_verb_shows_its_usage(rig, verb):
     code, said, _ = rig(*verb, "--help")
     assert code == 0
     assert "Usage" in said
@@ -468,7 +469,7 @@ def test_a_search_that_would_take_minutes_is_refused_before_it_starts(rig, tmp_p
     (tmp_path / "many.csv").write_text("x_m\n" + "\n".join(str(k % 7) for k in range(40)))
     code, _, why = rig("spline", tmp_path / "many.csv", "--vmax", 3, "--amax", 2)
     assert code == 2
-    assert "the least time through 40 points by --kind b_spline_5; must be <= 25 points" in why
+    assert "minimum time through 40 points by --kind b_spline_5; must be <= 25 points" in why
 
 
 def test_a_table_of_a_hundred_million_rows_is_refused(rig, tmp_path):

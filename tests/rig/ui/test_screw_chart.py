@@ -1,4 +1,4 @@
-"""The chart of diameters and leads, read back from its artists."""
+"""Figure of diameters and leads of ball screws, read back from its artists."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rig.drives.screw.checks import assess
 from rig.drives.screw.requirements import Requirements
 from rig.drives.screw.shaft import Mounting
 from rig.studies.sizing.axis_file import example_tables, sizing_of
-from rig.ui.plots.screw_chart import TOLD, draw_region
+from rig.ui.plots.screw_chart import MAX_VIOLATION_NOTES, draw_region
 
 SIZING = sizing_of(example_tables("appendix"))
 AXIS, ENTRIES = SIZING.axis, tuple(SIZING.catalogue.values())
@@ -21,7 +21,7 @@ AXIS, ENTRIES = SIZING.axis, tuple(SIZING.catalogue.values())
 
 @pytest.fixture(scope="module")
 def chart():
-    """Draw an axis with the shipped catalogue; gives panel and assessments."""
+    """Function that draws an axis with the shipped catalogue; gives panel and assessments."""
 
     @cache
     def draw(axis=AXIS, choice=SIZING.choice, entries=ENTRIES):
@@ -58,21 +58,21 @@ def sizes_of(group):
     )
 
 
-def test_the_legend_says_on_which_side_of_each_limit_a_screw_is_admissible(chart):
+def test_the_legend_shows_the_admissible_side_of_each_limit(chart):
     requirements = Requirements(
         life_h=2e7, sag_m=5e-5, position_error_m=1e-5, angle_error_rad=1.5e-3, stiffness_n_m=4e7
     )
     panel, _ = chart(replace(AXIS, requirements=requirements))
     assert legend_of(panel)[:9] == [
-        "admissible by the lines",
+        "admissible region",
         "whirling: above",
         "balls: above",
-        "buckling: thicker",
+        "buckling: larger diameter",
         "life: above",
-        "sag: thicker",
+        "sag: larger diameter",
         "accuracy: below",
         "stiffness: below",
-        "least lead of all",
+        "least admissible lead",
     ]
 
 
@@ -90,37 +90,37 @@ def test_the_shaded_region_holds_the_screws_that_keep_all_lines_and_no_other(cha
     assert not shaded(capped, 25.0, 33.0)
 
 
-def test_every_screw_is_a_mark_that_says_whether_it_fits(chart):
+def test_every_screw_is_a_mark_that_shows_its_admissibility(chart):
     panel, found = chart()
-    assert points_of(panel, "does not fit") == sizes_of([a for a in found if a.broken])
-    assert points_of(panel, "fits as far as is told") == sizes_of(
+    assert points_of(panel, "not admissible") == sizes_of([a for a in found if a.broken])
+    assert points_of(panel, "admissible, data missing") == sizes_of(
         [a for a in found if a.admissible]
     )
-    assert points_of(panel, "the one judged") == [(20.0, 20.0)]
-    told, all_told = chart(
+    assert points_of(panel, "assessed screw") == [(20.0, 20.0)]
+    decided, all_found = chart(
         replace(AXIS, requirements=Requirements()), choice=SIZING.catalogue["25x25"]
     )
-    assert points_of(told, "screw that fits") == sizes_of([a for a in all_told if a.admissible])
-    assert points_of(told, "the one judged") == [(25.0, 25.0)]
+    assert points_of(decided, "admissible") == sizes_of([a for a in all_found if a.admissible])
+    assert points_of(decided, "assessed screw") == [(25.0, 25.0)]
     marks = {line.get_label(): line.get_marker() for line in panel.lines}
-    assert (marks["does not fit"], marks["fits as far as is told"]) == ("x", "o")
+    assert (marks["not admissible"], marks["admissible, data missing"]) == ("x", "o")
 
 
 def test_the_star_is_where_the_region_begins(chart):
     panel, _ = chart()
-    d, p = points_of(panel, "least lead of all")[0]
+    d, p = points_of(panel, "least admissible lead")[0]
     assert (d, p) == pytest.approx((21.7133, 18.4136), rel=1e-5)
     assert shaded(panel, d, p + 0.5)
     assert not shaded(panel, d, p - 0.5)
 
 
-def test_a_region_that_is_empty_says_so(chart):
+def test_an_empty_region_is_reported(chart):
     panel, _ = chart(
         replace(AXIS, requirements=Requirements(position_error_m=1e-5, angle_error_rad=6e-3))
     )  # 10.5 mm at most
-    assert "no diameter and lead of the chart\nkeep all lines" in written_on(panel)
-    assert "admissible by the lines" not in legend_of(panel)
-    assert "no diameter" not in written_on(chart()[0])
+    assert "admissible region: empty\nwithin this chart" in written_on(panel)
+    assert "admissible region" not in legend_of(panel)
+    assert "admissible region: empty" not in written_on(chart()[0])
 
 
 def test_a_limit_off_the_chart_is_a_note_and_no_line(chart):
@@ -132,12 +132,15 @@ def test_a_limit_off_the_chart_is_a_note_and_no_line(chart):
         ),
     )
     panel, _ = chart(soft)
-    for words in ("stiffness: off the chart, kept nowhere", "sag: off the chart, kept everywhere"):
+    for words in (
+        "stiffness: off the chart, satisfied nowhere",
+        "sag: off the chart, satisfied everywhere",
+    ):
         assert words in written_on(panel)
-    assert "accuracy: off the chart, kept everywhere" in written_on(panel)
+    assert "accuracy: off the chart, satisfied everywhere" in written_on(panel)
     assert not any(text.startswith(("stiffness", "sag", "accuracy")) for text in legend_of(panel))
     long = replace(AXIS, mounting=Mounting(length_m=0.8, free_length_m=1e-3))
-    assert "buckling: off the chart, kept everywhere" in written_on(chart(long)[0])
+    assert "buckling: off the chart, satisfied everywhere" in written_on(chart(long)[0])
 
 
 def test_the_names_hide_no_mark_and_no_other_name(chart):
@@ -154,16 +157,16 @@ def test_the_names_hide_no_mark_and_no_other_name(chart):
         assert all(panel.bbox.x0 <= box.x0 and box.x1 <= panel.bbox.x1 for box in boxes)
 
 
-def test_what_a_named_screw_breaks_stands_beside_the_chart(chart):
-    assert "80V hp 20x20 breaks\n  speed of the unit\n  lead class" in written_on(chart()[0])
+def test_the_violated_limits_of_a_named_screw_stand_beside_the_chart(chart):
+    assert "80V hp 20x20 violates\n  speed of the unit\n  lead class" in written_on(chart()[0])
 
 
-def test_no_more_than_a_few_screws_are_told_beside_the_chart(chart):
+def test_violation_notes_are_limited_in_number(chart):
     weak = replace(AXIS.motor, continuous_torque_n_m=1e-3)
     entries = tuple(
         replace(SIZING.choice, name=f"no. {k}", diameter_m=0.022 + 1e-3 * k, lead_m=0.04)
-        for k in range(TOLD + 4)
+        for k in range(MAX_VIOLATION_NOTES + 4)
     )
     panel, _ = chart(replace(AXIS, motor=weak), choice=entries[0], entries=entries)
-    assert written_on(panel).count("breaks") == TOLD
+    assert written_on(panel).count("violates") == MAX_VIOLATION_NOTES
     assert "and 4 more" in written_on(panel)

@@ -1,4 +1,4 @@
-"""`rig servo notch` as its users meet it, against the figures of source 001's example and integration of the test's own."""
+"""`rig servo notch` against the example of source 001 and an independent integration."""
 
 import tomllib
 from pathlib import Path
@@ -15,7 +15,7 @@ EXAMPLE = FIGURES["example"]
 
 @pytest.fixture
 def told(rig):
-    """The document of `rig servo notch ... --json` that ends well."""
+    """JSON document of `rig servo notch`, which must end with exit code 0."""
 
     def call(*words):
         left, said, _ = rig("servo", "notch", *words, "--json")
@@ -54,7 +54,7 @@ def test_poles_margins_and_responses_of_all_places_are_those_of_the_reference(to
 
 
 def test_the_variation_after_a_torque_on_the_load_is_that_of_an_integration_of_the_equations(told):
-    """P/PI without notch on the harmonic drive, from its listed constants."""
+    """P/PI cascade without notch on the harmonic drive with its listed constants."""
     j, gains = FIGURES["drive"], told("--joint", "listed")
     row, gains = gains["placements"][0], gains["gains"]
     jl = j["load_inertia_kg_m2"] / j["gear_ratio"] ** 2
@@ -78,7 +78,10 @@ def test_the_variation_after_a_torque_on_the_load_is_that_of_an_integration_of_t
 
 
 def opened(row, omega):
-    """The example's position loop at j omega: Kpp / s, the notch upstream, and the speed loop closed around the one inside."""
+    """Open position loop of the example at j omega.
+
+    Kpp / s, times the notch upstream, times the closed speed loop with the notch inside.
+    """
     s, jm, jl, k, d = 1j * omega, 0.5, 0.5, 0.5 * 200.0**2, 2.0 * 0.1 * 200.0 * 0.5
     tuned = row["notch"] or {
         "frequency_rad_s": 1.0,
@@ -106,7 +109,7 @@ def test_margin_and_crossover_of_the_position_loop_are_those_of_its_equations(to
 
 
 @pytest.mark.parametrize("detune", ["1", "0.9"])
-def test_the_largest_position_gain_that_is_told_settles_and_a_larger_one_does_not(rig, detune):
+def test_the_reported_limit_of_the_position_gain_is_the_stability_limit(rig, detune):
     def ask(gain):
         return rig("servo", "notch", "--json", "--detune", detune, "--position-loop", gain)
 
@@ -120,7 +123,7 @@ def test_the_largest_position_gain_that_is_told_settles_and_a_larger_one_does_no
     assert 0.1 < limits[-1] < 5.0
 
 
-def test_a_joint_of_one_s_own_is_read_from_the_model_of_a_comparison(told, tmp_path):
+def test_the_joint_of_a_comparison_file_is_its_model(told, tmp_path):
     drive = FIGURES["drive"] | {"stiffness_n_m_rad": 12.0}
     lines = [f"{key} = {value}" for key, value in drive.items()]
     move = ["load_angle_deg = 40.0", "time_s = 0.5", "motor_acceleration_rad_s2 = 1200.0"]
@@ -139,7 +142,7 @@ def test_a_joint_of_one_s_own_is_read_from_the_model_of_a_comparison(told, tmp_p
     assert notch["numerator_damping"] == pytest.approx(-pole.real / abs(pole), rel=1e-9)
 
 
-def test_a_notch_tuned_wrongly_no_longer_hides_the_pair(told):
+def test_a_detuned_notch_cancels_no_pole_pair(told):
     document = told("--detune", "0.9")
     rows = [(row["name"], row["factor"]) for row in document["detuned"]]
     assert rows == [
@@ -180,12 +183,12 @@ def test_the_tables_show_the_figures_and_say_what_is_inferred(rig, tmp_path):
     assert "Inferred, not published" in said
     assert "Jm 0.5, Jlr 0.5 kg m²" in lines[0]
     assert "within 2 % of the step" in " ".join(said.split())
-    assert "Sampled every 1 ms" in said
+    assert "Notch sampled every 1 ms" in said
     assert next(line for line in lines if line.startswith("inside: ")).startswith(
-        "inside: worse damped, 0.251 instead of 0.391"
+        "inside: worse damped, damping ratio 0.251 instead of 0.391"
     )
     assert next(line for line in lines if line.startswith("upstream: ")).startswith(
-        "upstream: better damped, 0.927"
+        "upstream: better damped, damping ratio 0.927"
     )
     assert (tmp_path / "poles.svg").stat().st_size > 10_000
     assert "Fitted" in rig("servo", "notch", "--joint", "fitted")[1]
@@ -196,7 +199,8 @@ def test_the_tables_show_the_figures_and_say_what_is_inferred(rig, tmp_path):
     [
         (
             ("--joint", "lifted"),
-            "did you mean 'listed'? must be one of FILE.toml (its [model]), fitted, listed, normalised",
+            "did you mean 'listed'? "
+            "must be one of FILE.toml (its [model]), fitted, listed, normalised",
         ),
         (("--joint", "mine.toml"), "'mine.toml' cannot be read"),
         (
@@ -209,7 +213,7 @@ def test_the_tables_show_the_figures_and_say_what_is_inferred(rig, tmp_path):
             ("--joint", "listed", "--inertia-ratio", "2"),
             "--inertia-ratio 2 with --joint listed; must be with --joint normalised",
         ),
-        (("--damping", "1.0"), "makes a joint that does not swing"),
+        (("--damping", "1.0"), "gives an overdamped joint; must be < 0.7071"),
         (("--speed-loop", "0"), "--speed-loop = 0.0; must be"),
         (("--notch-damping", "0.1"), "--notch-damping 0.1; must be > 0.1414"),
         (("--detune", "0"), "--detune = 0.0; must be 0.1 to 10"),
@@ -226,7 +230,7 @@ def test_the_tables_show_the_figures_and_say_what_is_inferred(rig, tmp_path):
         (("--plot", "nowhere/poles.svg"), "no folder 'nowhere'"),
     ],
 )
-def test_what_cannot_be_compared_is_refused_with_the_bound(rig, words, said):
+def test_invalid_options_are_refused_with_the_bound(rig, words, said):
     left, out, err = rig("servo", "notch", *words)
     assert left == 2
     assert said in " ".join((out + err).split())

@@ -1,4 +1,4 @@
-"""`rig servo observer` as its users meet it, against the reference's poles and integration of the test's own."""
+"""`rig servo observer` against reference poles and an independent integration."""
 
 import tomllib
 from pathlib import Path
@@ -15,7 +15,7 @@ TIMES = ",".join(str(value) for value in KNOWN["time_constant_s"])
 
 @pytest.fixture
 def told(rig):
-    """The document of `rig servo observer ... --json` that ends well."""
+    """JSON document of `rig servo observer`, which must end with exit code 0."""
 
     def call(*words):
         left, said, _ = rig("servo", "observer", *words, "--json")
@@ -59,8 +59,8 @@ def test_h_f_as_printed_does_not_return_the_joint_s_own_pair(told):
     )
 
 
-def test_the_words_follow_the_figures(told):
-    """Which time constants excite and which damp, and where the one turns into the other."""
+def test_the_effect_follows_from_the_damping_ratio(told):
+    """Time constants that excite, time constants that damp, and the boundary between them."""
     document = told()
     bare, ((start, turn),) = document["without"]["least_damped"]["damping"], document["excited_s"]
     assert start == 0.0
@@ -84,7 +84,11 @@ def test_the_words_follow_the_figures(told):
 
 
 def least_damping(order, time_s, drive=DRIVE):
-    """Butterworth: (q - 1) (plant's denominator) + (motor's numerator) (Jm s + Dm), poles at exp(j pi (2 k + n - 1) / 2 n)."""
+    """Least damping ratio of the poles with a Butterworth filter Q of an order.
+
+    Characteristic polynomial: (q - 1) (plant denominator) + (motor numerator) (Jm s + Dm);
+    poles of Q at exp(j pi (2 k + n - 1) / 2 n) / time_s.
+    """
     poles_of_q = (
         np.exp(0.5j * np.pi * (2.0 * np.arange(1, order + 1) + order - 1.0) / order) / time_s
     )
@@ -102,7 +106,7 @@ def least_damping(order, time_s, drive=DRIVE):
 
 
 @pytest.mark.parametrize("order", range(1, 9))
-def test_every_time_constant_that_excites_or_is_unstable_lies_in_a_told_interval(told, order):
+def test_the_reported_intervals_hold_all_exciting_and_unstable_time_constants(told, order):
     document = told("--order", order)
     bare = document["without"]["least_damped"]["damping"]
     for told_s, level in ((document["excited_s"], 0.999 * bare), (document["unstable_s"], 0.0)):
@@ -146,8 +150,8 @@ def test_an_unstable_observer_is_named_and_has_no_figures(told, rig):
     assert "caution: unstable at T_f 3.03 to 7.5 ms" in said
 
 
-def test_an_observer_that_is_unstable_for_a_stiff_load_as_well_says_so(told):
-    """A motor taken for ten times the whole inertia, with a steep Q."""
+def test_an_observer_unstable_with_a_stiff_load_is_reported(told):
+    """Nominal inertia of ten times the total one, with Q of order 4."""
     row = told("--order", "4", "--nominal-inertia", "4.2e-3", "--time-constants", "5e-3")["rows"][
         0
     ]["stiff_load"]
@@ -157,7 +161,7 @@ def test_an_observer_that_is_unstable_for_a_stiff_load_as_well_says_so(told):
 
 
 @pytest.mark.parametrize("inertia", ["4.2e-3", "1"])
-def test_an_unstable_observer_is_pictured_without_its_responses(rig, tmp_path, inertia):
+def test_an_unstable_observer_is_drawn_without_its_responses(rig, tmp_path, inertia):
     left, said, _ = rig(
         "servo",
         "observer",
@@ -173,16 +177,16 @@ def test_an_unstable_observer_is_pictured_without_its_responses(rig, tmp_path, i
     assert (tmp_path / "wild.svg").stat().st_size > 10_000
 
 
-def test_a_pole_of_q_that_is_the_least_damped_is_told_as_such(told, rig):
+def test_a_pole_of_q_may_be_the_least_damped_one(told, rig):
     row = told("--order", "8", "--time-constants", "5e-4")["rows"][0]["rigid_nominal"]
     assert row["least_damped"]["frequency_rad_s"] == pytest.approx(1.0 / 5e-4, rel=0.01)
     assert row["least_damped"]["damping"] == pytest.approx(least_damping(8, 5e-4), rel=1e-6)
-    assert "Q's included" in rig("servo", "observer")[1]
+    assert "those of Q included" in rig("servo", "observer")[1]
 
 
 @pytest.fixture
 def own(tmp_path):
-    """A comparison file of a drive engineer's own, with one of the constants otherwise."""
+    """Function that writes a comparison file with changed constants of the model."""
 
     def write(**changes):
         move = {"load_angle_deg": 40.0, "time_s": 0.5, "motor_acceleration_rad_s2": 1200.0}
@@ -199,7 +203,7 @@ def own(tmp_path):
     return write
 
 
-def test_a_joint_of_one_s_own_is_read_from_the_model_of_a_comparison(told, own):
+def test_the_joint_of_a_comparison_file_is_its_model(told, own):
     same = told("--joint", own())
     assert same["rows"] == told()["rows"]
     assert same["inferred"] is None
@@ -211,7 +215,10 @@ def test_a_joint_of_one_s_own_is_read_from_the_model_of_a_comparison(told, own):
 
 
 def test_a_joint_without_friction_answers_a_torque_as_its_equations_do(told, own):
-    """Without observer it runs away, with one it comes to rest; z is Q (u - Jm w' ) + (Jm / Tf) w of the first order."""
+    """Without observer the speed grows, with one it returns to rest.
+
+    State of the first-order filter: z = Q (u - Jm w') + (Jm / Tf) w.
+    """
     document = told("--joint", own(motor_friction_n_m_s_rad=0.0), "--time-constants", "2e-3")
     jm, jl = DRIVE["motor_inertia_kg_m2"], DRIVE["load_inertia_kg_m2"] / DRIVE["gear_ratio"] ** 2
     k, d, tf = DRIVE["stiffness_n_m_rad"], DRIVE["elastic_damping_n_m_s_rad"], 2e-3
@@ -236,8 +243,8 @@ def test_a_joint_without_friction_answers_a_torque_as_its_equations_do(told, own
         assert row["motor_step_peak_rad_s"] == pytest.approx(np.abs(found.y[2]).max(), rel=1e-5)
 
 
-def test_q_is_not_held_against_a_joint_that_is_better_damped_than_q(told, own):
-    """At the slow limit the joint is left as it is, though Q of order 8 has poles of a damping of 0.195."""
+def test_poles_of_q_do_not_count_against_a_better_damped_joint(told, own):
+    """The slow limit leaves the joint unchanged, with Q's poles at a damping ratio of 0.195."""
     document = told(
         "--joint", own(elastic_damping_n_m_s_rad=0.01), "--order", "8", "--time-constants", "1e9"
     )
@@ -274,7 +281,7 @@ def test_with_a_nominal_of_the_whole_inertia_other_time_constants_damp(told):
 
 @pytest.mark.parametrize("torque", ["motor", "load"])
 def test_the_load_s_answer_to_a_torque_is_that_of_an_integration_of_the_loop(told, torque):
-    """Motor, load and first-order observer in the time domain: w' = (u - w) / Tf, with the estimate from w and the speed."""
+    """Motor, load and first-order observer in the time domain."""
     j, tf = DRIVE, 2e-3
     jm, dm, jl = (
         j["motor_inertia_kg_m2"],
@@ -284,7 +291,7 @@ def test_the_load_s_answer_to_a_torque_is_that_of_an_integration_of_the_loop(tol
     on_motor, on_load = (1.0, 0.0) if torque == "motor" else (0.0, 1.0)
 
     def rate(_, x):
-        """Q (u - Jm w' - Dm w) = z - (Jm / Tf) speed, with z' of the filter's state; the torque is that alone."""
+        """Time derivatives; the observer adds Q (u - Jm w' - Dm w) = z - (Jm / Tf) w."""
         twist, speed, load_speed, z = x
         added = z - jm / tf * speed
         spring = j["stiffness_n_m_rad"] * twist + j["elastic_damping_n_m_s_rad"] * (
@@ -352,16 +359,16 @@ def test_the_tables_say_which_time_constants_to_be_careful_with(rig, tmp_path):
         (("--order", "9"), "--order = 9; must be 1 to 8"),
         (
             ("--time-constants", "soon"),
-            "--time-constants 'soon'; must be numbers with commas, in s",
+            "--time-constants 'soon'; must be numbers separated by commas, in s",
         ),
-        (("--time-constants", ","), "--time-constants ','; must be numbers with commas"),
+        (("--time-constants", ","), "--time-constants ','; must be numbers separated by commas"),
         (("--time-constants", "0"), "--time-constants = 0.0; must be"),
         (("--time-constants", "nan"), "--time-constants = nan; must be"),
         (("--nominal-inertia", "-1"), "--nominal-inertia = -1.0; must be"),
         (("--plot", "damping"), "must end in one of"),
     ],
 )
-def test_what_is_no_observer_is_refused_with_the_bound(rig, words, said):
+def test_invalid_options_are_refused_with_the_bound(rig, words, said):
     left, out, err = rig("servo", "observer", *words)
     assert left == 2
     assert said in " ".join((out + err).split())

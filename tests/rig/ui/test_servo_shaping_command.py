@@ -1,4 +1,4 @@
-"""`rig servo shaping` against printed figures, two masses integrated by themselves, and scaling."""
+"""`rig servo shaping` against printed figures, an independent integration, and scaling."""
 
 import math
 import tomllib
@@ -22,7 +22,7 @@ CASES = [(1.0, 1.0), *map(tuple, DATA["cases"])]
 
 @pytest.fixture
 def told(rig):
-    """The document of `rig servo shaping ... --json` that ends well."""
+    """JSON document of `rig servo shaping`, which must end with exit code 0."""
 
     def call(*words):
         left, said, heard = rig("servo", "shaping", *words, "--json")
@@ -33,7 +33,7 @@ def told(rig):
 
 
 def two_masses(frequency, damping, rho):
-    """d/dt of [motor speed, load speed, twist], the torque as a fourth state that stands; 1 kg m2 in all."""
+    """System matrix of [motor speed, load speed, twist, constant torque]; 1 kg m2 in total."""
     motor, load = 1 / (1 + rho), rho / (1 + rho)
     k = frequency**2 * motor * load
     d = 2 * damping * frequency * motor * load
@@ -48,7 +48,7 @@ def two_masses(frequency, damping, rho):
 
 
 def integrated_residual(frequency, damping, shaper, pulse_s, rho=1.0, points=4000):
-    """Largest distance from the final speed after the last step of the torque, over it: matrix exponentials."""
+    """Largest deviation from the final speed after the torque, relative: matrix exponential."""
     a, x, t = two_masses(frequency, damping, rho), np.zeros(4), 0.0
     steps = [
         (at, amplitude)
@@ -104,7 +104,7 @@ def test_the_tables_show_the_figures_and_what_was_inferred(rig):
             )
     assert ["unshaped", "14.4900"] in [row[:2] for row in rows]
     assert "Inferred, not published" in said
-    assert " on 0.02 s " in rig("servo", "shaping", "--sample-time", "0.02")[1]
+    assert " 0.02 s " in rig("servo", "shaping", "--sample-time", "0.02")[1]
 
 
 def test_without_errors_nothing_is_left_and_a_shaper_named_twice_is_shown_once(told):
@@ -120,7 +120,7 @@ def test_without_errors_nothing_is_left_and_a_shaper_named_twice_is_shown_once(t
 
 
 @pytest.mark.parametrize("rho", [1.0, 0.2, 5.0])
-def test_what_a_pulse_leaves_is_what_two_masses_do_whatever_their_ratio(told, rho):
+def test_the_residual_of_a_pulse_agrees_with_two_masses_of_any_ratio(told, rho):
     document = told()
     shapers = {"unshaped": {"amplitudes": [1.0], "times_s": [0.0]}} | {
         row["name"]: row for row in document["shapers"]
@@ -194,7 +194,7 @@ def test_on_a_drive_s_samples_the_mode_is_left_at_rest_and_the_impulses_are_whol
 @pytest.mark.parametrize(
     ("shapers", "panels"), [("zv", 3), ("zv,zvd,zvdd", 5), ("zv,zvd,mzv,ei", 6)]
 )
-def test_a_picture_has_a_panel_for_each_shaper_one_for_the_speed_and_one_for_the_torque(
+def test_the_figure_has_a_panel_for_each_shaper_one_for_the_speed_and_one_for_the_torque(
     rig, tmp_path, shapers, panels
 ):
     left, _, heard = rig("servo", "shaping", "--shapers", shapers, "--plot", "shaping.svg")
@@ -256,5 +256,5 @@ def test_help_states_units_and_defaults(rig):
     assert left == 0
     assert all(
         word in said
-        for word in ("--damping-error", "rad/s", "torque pulse in s", "0.05", "zv,zvd,zvdd")
+        for word in ("--damping-error", "rad/s", "torque pulse [s]", "0.05", "zv,zvd,zvdd")
     )

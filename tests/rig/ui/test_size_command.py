@@ -1,4 +1,4 @@
-"""`rig size` as its users meet it: the worked axis of source 004, a spec of one's own, and what is refused."""
+"""`rig size`: the worked axis of source 004, other sizing files, and refusals."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ origin = "measured"
 
 @pytest.fixture
 def told(rig):
-    """The document of `rig size ... --json` and the exit code, which must fit each other."""
+    """JSON document of `rig size`, which must end with the expected exit code."""
 
     def call(*words, code=0):
         left, said, _ = rig("size", *words, "--json")
@@ -69,7 +69,7 @@ def told(rig):
 
 @pytest.fixture
 def spec(tmp_path):
-    """Write a spec; gives its path. before is what must stand ahead of the first section."""
+    """Function that writes a sizing file, `before` ahead of its first section; gives its path."""
 
     def write(text=SPEC, before=""):
         path = tmp_path / "spec.toml"
@@ -137,7 +137,7 @@ def test_a_figure_differs_when_the_right_one_does_not_round_to_its_digits(printe
     assert FigureComparison("x", printed, right, "").differs == differs
 
 
-def test_the_catalogue_says_of_each_screw_what_it_breaks_and_where_its_figures_come_from(told, rig):
+def test_the_catalogue_lists_violated_limits_and_origin_of_each_screw(told, rig):
     rows = {row["name"]: row for row in told("--example", "appendix", code=3)["catalogue"]}
     assert [name for name, row in rows.items() if row["admissible"]] == [
         "20x40",
@@ -151,24 +151,29 @@ def test_the_catalogue_says_of_each_screw_what_it_breaks_and_where_its_figures_c
     assert rows["20x20"]["undecided"] == ["dynamic load", "life", "lead class"]
     assert all(row["broken"] or row["admissible"] for row in rows.values())
     _, said, _ = rig("size", "--example", "appendix", "--all")
-    assert "80V hp 20x5 20 x 5: breaks whirling 16280 > 4072 rpm (-300%)" in " ".join(said.split())
+    assert "80V hp 20x5 20 x 5: violates whirling 16280 > 4072 rpm (-300%)" in " ".join(
+        said.split()
+    )
     assert "origin of 80V hp 20x20, 80V hp 20x5: source 004, fig. C.12" in " ".join(said.split())
-    others = "origin of all others: size of the kind ISO 3408-2 lists: typical, general knowledge; confirm with the maker"
+    others = (
+        "origin of all others: size of the kind ISO 3408-2 lists: typical, general knowledge; "
+        "confirm with the maker"
+    )
     assert others in " ".join(said.split())
 
 
-def test_refused_entries_are_listed_with_what_they_break_and_by_how_much_only_on_demand(rig):
+def test_the_values_of_rejected_entries_are_listed_on_demand_only(rig):
     said = " ".join(rig("size", "--example", "appendix")[1].split())
     assert (
-        "17 do not fit, --all tells by how much: 25x20 (ball speed), 32x20 (ball speed, motor torque), "
-        in said
+        "17 not admissible (--all lists the values): 25x20 (ball speed), "
+        "32x20 (ball speed, motor torque), " in said
     )
     assert "12x5 (whirling, ball speed, motor speed)" in said
-    assert " breaks " not in said
-    assert "do not fit" not in rig("size", "--example", "appendix", "--all")[1]
+    assert " violates " not in said
+    assert "not admissible (" not in rig("size", "--example", "appendix", "--all")[1]
 
 
-def test_a_hopeless_margin_is_not_spelt_out(told, rig, spec):
+def test_a_margin_beyond_1000_percent_is_shown_as_a_bound(told, rig, spec):
     path = spec(SPEC.replace("length_m = 1.0", "length_m = 6.0"))
     worst = min(row["margin"] for row in told(path, code=3)["catalogue"])
     assert worst < -10.0
@@ -203,11 +208,11 @@ def test_the_document_has_the_motion_law_table_as_rows(told):
     assert figures["driving_power_w"] == checks["motor power"] > figures["braking_power_w"]
 
 
-def test_an_aside_tells_what_a_thinner_core_would_change(rig, spec):
+def test_a_remark_gives_the_critical_speed_of_a_thinner_core(rig, spec):
     said = " ".join(rig("size", "--example", "appendix")[1].split())
     assert (
-        "one of 0.9 d, 18 mm, has a critical speed of 3665 in place of 4072 rpm, too low for 4071 rpm: give core"
-        in said
+        "one of 0.9 d, 18 mm, has a critical speed of 3665 in place of 4072 rpm, "
+        "too low for 4071 rpm: give core" in said
     )
     assert "too low" not in rig("size", "--example", "appendix", "--entry", "20x40")[1]
     cored = MY_SCREW.replace("lead_m", "core_diameter_m = 0.0223\nlead_m")
@@ -215,7 +220,7 @@ def test_an_aside_tells_what_a_thinner_core_would_change(rig, spec):
     assert "the core is taken" not in said
 
 
-def test_a_limit_of_balls_beyond_the_usual_is_taken_and_told(rig, told, spec):
+def test_an_unusual_ball_speed_limit_is_accepted_with_a_remark(rig, told, spec):
     text = SPEC + "[balls]\nlimit_m_rpm = 150\n"
     assert {row["name"]: row for row in told(spec(text))["checks"]}["ball speed d n"][
         "bound"
@@ -225,7 +230,7 @@ def test_a_limit_of_balls_beyond_the_usual_is_taken_and_told(rig, told, spec):
     assert "d n of" not in rig("size", spec())[1]
 
 
-def test_equal_moves_are_told_once(rig, told, spec):
+def test_equal_moves_are_listed_once(rig, told, spec):
     there, back = SPEC.split("[[move]]")[1:]
     path = spec(SPEC + 9 * f"[[move]]{there}[[move]]{back}")
     document = told(path)
@@ -237,9 +242,7 @@ def test_equal_moves_are_told_once(rig, told, spec):
     assert "move 1 and 9 like it reaches" in rig("size", path, "--entry", "80V hp 20x5")[1]
 
 
-def test_what_is_asked_and_not_told_makes_the_verdict_doubtful_and_what_is_not_asked_does_not(
-    told, spec
-):
+def test_missing_data_make_the_verdict_doubtful_only_for_a_requirement(told, spec):
     assert told(spec(SPEC), "--entry", "25x25")["verdict"] == "good"
     doubtful = told(spec(SPEC + "[requirements]\nlife_h = 1000\n"), "--entry", "25x25")
     assert doubtful["verdict"] == "doubtful"
@@ -291,7 +294,7 @@ def test_another_entry_can_be_judged_and_its_open_checks_make_it_doubtful(told):
     assert document["allowed_by"] == "ball speed d n"
 
 
-def test_a_spec_of_one_s_own_with_a_screw_of_one_s_own_fits_and_is_good(told, spec):
+def test_a_sizing_file_with_its_own_screw_is_good(told, spec):
     document = told(spec(SPEC + MY_SCREW, before='choice = "mine"\n'))
     assert (document["verdict"], document["reasons"]) == ("good", [])
     assert document["figures"]["peak_speed_m_s"] == pytest.approx(
@@ -460,10 +463,8 @@ def test_without_a_choice_the_catalogue_is_searched(told, spec):
     assert document["criterion"] == "largest minimum margin"
 
 
-def test_without_a_choice_the_verdict_says_which_screw_is_meant_and_what_is_not_told_of_it(
-    rig, told, spec
-):
-    path = spec(SPEC + "[requirements]\nlife_h = 1000\nlead_class = 'ISO 5'\n")
+def test_without_a_choice_the_verdict_names_the_screw_and_its_missing_data(rig, told, spec):
+    path = spec(SPEC + "[wishes]\nlife_h = 1000\nlead_class = 'ISO 5'\n")
     searched = told(path)
     named = told(path, "--entry", searched["judged"])
     differing = {name for name in searched if searched[name] != named[name]}
@@ -476,7 +477,8 @@ def test_without_a_choice_the_verdict_says_which_screw_is_meant_and_what_is_not_
     ]
     verdict = " ".join(rig("size", path)[1].partition("verdict: ")[2].split())
     assert verdict.startswith(
-        f"{searched['judged']}, best of the 7 that fit (complete data first, then largest minimum margin): "
+        f"{searched['judged']}, best of 7 admissible "
+        "(told in full first, then greatest least margin): "
     )
     assert all(reason in verdict for reason in searched["reasons"])
     told_in_full = told(
@@ -489,7 +491,7 @@ def test_without_a_choice_the_verdict_says_which_screw_is_meant_and_what_is_not_
     )
 
 
-def test_a_copy_of_the_worked_axis_is_one_s_own(rig, told, spec):
+def test_a_copy_of_the_worked_axis_has_no_printed_figures(rig, told, spec):
     text = (resources.files("rig.studies.sizing") / "screws" / "appendix.toml").read_text()
     shipped, copied = told("--example", "appendix", code=3), told(spec(text), code=3)
     assert len(shipped["published"]) == 96
@@ -508,23 +510,26 @@ def test_printed_figures_of_a_screw_are_compared_only_where_it_is_chosen(told, s
     assert [row["name"] for row in chosen] == ["peak_torque_n_m", "peak_speed_m_s"]
 
 
-def test_a_catalogue_of_which_nothing_fits_is_told_and_drawn_too(rig, spec, tmp_path):
+def test_a_catalogue_without_admissible_entry_is_printed_and_drawn(rig, spec, tmp_path):
     code, said, _ = rig(
         "size", spec(SPEC.replace("time_s = 1.0", "time_s = 0.05")), "--plot", "chart.svg"
     )
     assert code == 3
-    assert "catalogue: 0 of 21 fit" in said
-    assert ", nearest of 21, of which none fits: diameter " in said
+    assert "catalogue: 0 of 21 admissible" in said
+    assert ", nearest of 21, none admissible: diameter " in said
     assert "0 of 21 entries of the catalogue fit" in said
     assert (tmp_path / "chart.svg").stat().st_size > 1000
 
 
-def test_a_spec_without_a_choice_is_told_as_tables_too(rig, spec):
+def test_a_sizing_file_without_a_choice_is_printed_as_tables(rig, spec):
     code, said, _ = rig("size", spec())
     assert code == 0
-    assert "least lead of all screws" in said
-    assert "20x40, best of the 8 that fit: diameter 20 mm, lead 40 mm" in said
-    last = "verdict: 20x40, best of the 8 that fit (complete data first, then largest minimum margin): fits"
+    assert "least admissible lead" in said
+    assert "20x40, best of 8 admissible: diameter 20 mm, lead 40 mm" in said
+    last = (
+        "verdict: 20x40, best of 8 admissible "
+        "(told in full first, then greatest least margin): admissible"
+    )
     assert " ".join(said.split()).endswith(last)
 
 
@@ -537,8 +542,11 @@ def test_no_line_is_wider_than_the_terminal(rig, monkeypatch, columns):
 
 
 def test_the_chart_is_drawn_with_a_line_for_every_limit_that_is_asked(rig, spec, tmp_path):
-    requirements = "[requirements]\nlife_h = 1e4\nsag_m = 5e-4\nposition_error_m = 2e-5\nangle_error_rad = 3e-3\nbandwidth_rad_s = 300\n"
-    path = spec(SPEC + requirements + MY_SCREW, before='choice = "mine"\n')
+    wishes = (
+        "[wishes]\nlife_h = 1e4\nsag_m = 5e-4\nposition_error_m = 2e-5\n"
+        "angle_error_rad = 3e-3\nbandwidth_rad_s = 300\n"
+    )
+    path = spec(SPEC + wishes + MY_SCREW, before='choice = "mine"\n')
     code, _, _ = rig("size", path, "--plot", "chart.svg")
     assert code == 0
     assert "<svg" in (tmp_path / "chart.svg").read_text()
@@ -673,7 +681,7 @@ def test_the_example_s_region_is_bounded_by_the_crossing_that_the_document_tells
         ("[axis]", "[axis", ("not valid TOML",)),
     ],
 )
-def test_a_spec_without_sense_is_refused_by_name(rig, spec, old, new, words):
+def test_an_invalid_sizing_file_is_refused_by_name(rig, spec, old, new, words):
     text = SPEC.replace(old, new)
     assert text != SPEC
     code, said, complaint = rig("size", spec(text))
@@ -700,7 +708,7 @@ def test_a_refusal_is_a_document_where_one_is_asked_for(rig, spec):
         (("--example", "appendix", "--plot", "chart.gif"), (".svg",)),
     ],
 )
-def test_options_without_sense_are_refused_by_name(rig, words, said):
+def test_invalid_options_are_refused_by_name(rig, words, said):
     code, _, complaint = rig("size", *words)
     assert code == 2
     assert all(word in complaint for word in said), complaint
