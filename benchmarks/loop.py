@@ -1,6 +1,7 @@
 """How fast the virtual loop and the tracker are, and where the time goes: `make bench`.
 
-Medians over repeats. The first line is the speed of the interpreter itself, for machines differ and share their cores.
+Medians over repeats. The first line is the speed of the interpreter itself, for machines differ and
+share their cores.
 """
 
 from __future__ import annotations
@@ -148,7 +149,8 @@ def main() -> None:
         )
         speed = job.plan.duration_s / seconds
         print(
-            f"virtual loop {name}: {seconds * 1e3:.0f} ms for {job.plan.duration_s:g} s of rig: {speed:.0f}x real time"
+            f"virtual loop {name}: {seconds * 1e3:.0f} ms for {job.plan.duration_s:g} s of rig: "
+            f"{speed:.0f}x real time"
         )
         print(f"    where it goes: {shares}, scheduler, codec and digest {rest / whole:.0%}")
     following, cold = tracker()

@@ -1,9 +1,10 @@
 """How fast the planners are beside what one would use otherwise, in the same run: `make bench`
 (`python -m benchmarks.planning [--short]`).
 
-Peers: scipy.integrate.solve_bvp with analytic Jacobians (tolerance 1e-6, the tables' grid of 201 nodes), and CasADi with
-IPOPT on Legendre collocation of degree 3 over 100 intervals (solve and build apart). Medians over repeats; machines share
-their cores, so read the ratios, and the first line for the speed of the interpreter itself.
+Peers: scipy.integrate.solve_bvp with analytic Jacobians (tolerance 1e-6, the tables' grid of 201
+nodes), and CasADi with IPOPT on Legendre collocation of degree 3 over 100 intervals (solve and
+build apart). Medians over repeats; machines share their cores, so read the ratios, and the first
+line for the speed of the interpreter itself.
 """
 
 from __future__ import annotations
@@ -53,10 +54,12 @@ def main() -> None:
         print("CasADi is not installed (make bench installs it); its columns stay empty")
     print(interpreter_line(), end="\n\n")
     print(
-        "us: coefficients (Gramian and solve), plan, plan and 1001 positions, the same plan by matrix_exponential;"
+        "us: coefficients (Gramian and solve), plan, plan and 1001 positions, the same plan by "
+        "matrix_exponential;"
     )
     print(
-        "ms: solve_bvp, IPOPT and its building; ratios: solve_bvp and IPOPT over plan and 1001 positions"
+        "ms: solve_bvp, IPOPT and its building; ratios: solve_bvp and IPOPT over plan and 1001 "
+        "positions"
     )
     print(HEAD)
     cases = CASES[:1] if is_short() else CASES
@@ -100,9 +103,8 @@ def _all_solvers(problems: list[tuple[str, Problem]]) -> None:
                 refused.append(f"{name} {problem.time_s:g}")
         spent = stopwatch_s() - began
         total += spent
-        print(
-            f"{planner:20s}{spent:8.3f} s   {f'refused: {len(refused)}: ' + ', '.join(refused) if refused else ''}"
-        )
+        note = f"refused: {len(refused)}: {', '.join(refused)}" if refused else ""
+        print(f"{planner:20s}{spent:8.3f} s   {note}")
     print(f"{'together':20s}{total:8.3f} s")
 
 

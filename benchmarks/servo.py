@@ -1,8 +1,9 @@
-"""How long a drive controller's step and the simulated joint take, beside what one would use otherwise: `make bench`.
+"""Time of a step of each drive controller and of the simulated joint, beside peers: `make bench`.
 
-Peers: python-control's own update of the same sampled system (dynamics and output), and scipy.integrate.solve_ivp (DOP853,
-rtol 1e-12) through one sample of the same joint without friction. Medians over repeats; machines share their cores, so
-read the ratios, and the first line for the speed of the interpreter itself.
+Peers: python-control's own update of the same sampled system (dynamics and output), and
+scipy.integrate.solve_ivp (DOP853, rtol 1e-12) through one sample of the same joint without
+friction. Medians over repeats; machines share their cores, so read the ratios, and the first line
+for the speed of the interpreter itself.
 """
 
 from __future__ import annotations
@@ -31,15 +32,18 @@ def main() -> None:
         print(f"{name:14s}{_step_s(design(spec).controller) * 1e6:10.2f}")
     own, peer = _step_s(lqg(spec).controller), _python_control_s(spec)
     print(
-        f"\nlqg, one step: {own * 1e6:.2f} us; the same system by python-control {peer * 1e6:.1f} us: {peer / own:.0f} times"
+        f"\nlqg, one step: {own * 1e6:.2f} us; the same system by python-control "
+        f"{peer * 1e6:.1f} us: {peer / own:.0f} times"
     )
     for truth in spec.truth:
         print(
-            f"joint, one sample of {spec.drive.period_s * 1e3:g} ms, truth {truth}: {_sample_s(spec, truth) * 1e6:.1f} us"
+            f"joint, one sample of {spec.drive.period_s * 1e3:g} ms, plant variant {truth}: "
+            f"{_sample_s(spec, truth) * 1e6:.1f} us"
         )
     own, peer = _sample_s(spec, "listed"), _solve_ivp_s(spec)
     print(
-        f"solve_ivp through the same sample of the listed joint: {peer * 1e6:.0f} us: {peer / own:.0f} times"
+        f"solve_ivp through the same sample of the listed joint: {peer * 1e6:.0f} us: "
+        f"{peer / own:.0f} times"
     )
 
 

@@ -1,7 +1,7 @@
 """Medians of repeated calls, and the speed of the interpreter beside them.
 
-Machines differ and share their cores: read ratios within one run. `--short` on the command line of a benchmark cuts
-repeats and problems, to show that it runs.
+Machines differ and share their cores: read ratios within one run. `--short` on the command line of
+a benchmark cuts repeats and problems, to show that it runs.
 """
 
 from __future__ import annotations

@@ -45,7 +45,7 @@ class LogWriter:
     """
 
     def __init__(self, path: Path, start: dict[str, str], epoch_ns: int) -> None:
-        """epoch_ns: wall-clock time of run time 0 [ns since 1970]; added to every stamp of a record."""
+        """epoch_ns: wall-clock time of run time 0 [ns since 1970]; added to every stamp."""
         self._stream: BinaryIO = path.open("wb")
         self._writer = Writer(
             self._stream, CHUNK_BYTES, CompressionType.ZSTD, IndexType.ALL, enable_data_crcs=True
@@ -181,10 +181,8 @@ def _read_records(data: bytes, log: Log) -> str:
         for record in records:
             if isinstance(record, Chunk):
                 damage = _read_chunk(record, log, topics) or damage
-            elif isinstance(record, Metadata):
-                log.metadata[record.name] = dict(record.metadata)
-            elif isinstance(record, Attachment):
-                log.attachments[record.name] = record.data
+            elif isinstance(record, Metadata | Attachment):
+                _keep_file(record, log)
             elif isinstance(record, DataEnd):
                 section = memoryview(data)[: stream.tell() - DATA_END_BYTES]
                 damage = damage or _checksum_damage(record, section)
@@ -203,6 +201,13 @@ def _read_records(data: bytes, log: Log) -> str:
     except DAMAGE_ERRORS as error:
         damage = f"cut short ({type(error).__name__})"
     return damage
+
+
+def _keep_file(record: Metadata | Attachment, log: Log) -> None:
+    if isinstance(record, Metadata):
+        log.metadata[record.name] = dict(record.metadata)
+    else:
+        log.attachments[record.name] = record.data
 
 
 def _checksum_damage(end: DataEnd, data: memoryview) -> str:

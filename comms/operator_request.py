@@ -6,7 +6,7 @@ import zmq
 
 
 def ask(address: str, request: str, timeout_ms: int) -> str | None:
-    """Send a request to the operator at address; return its answer, None when none comes in time."""
+    """Send a request to the operator at address; return its answer, None if none comes in time."""
     with zmq.Context() as context:
         socket = context.socket(zmq.REQ)
         socket.setsockopt(zmq.LINGER, 0)

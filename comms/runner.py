@@ -44,8 +44,7 @@ ORPHANED, REFUSED = 5, 3  # exit codes
 def main(build: Callable[[bytes], Task]) -> int:
     """Run the task of a process; return its exit code.
 
-    Standard input is {"wiring": ..., "settings": ...} in JSON; build makes the task from the
-    settings.
+    Standard input: {"wiring": ..., "settings": ...} in JSON; build makes the task from settings.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # only the operator handles Ctrl-C
     parts = msgspec.json.decode(sys.stdin.buffer.read(), type=dict[str, msgspec.Raw])

@@ -15,9 +15,10 @@ settings.load_profile("swayless")
 @pytest.fixture
 def rig(monkeypatch, capsys, tmp_path):
     """Call `rig ...` in an empty folder; gives exit code, stdout, stderr."""
-    from rig.ui.cli import (
-        main as command_line,
-    )  # a test of one room loads that room, not the whole product
+    # imported here: a test of one room loads that room, not the whole product. output makes its
+    # consoles when it is imported; under COLUMNS they would keep that width whatever a test sets
+    from rig.ui.cli import main as command_line
+    from rig.ui.cli import output  # noqa: F401
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "160")

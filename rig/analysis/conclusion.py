@@ -1,7 +1,8 @@
 """Conclusion of a run in one sentence, and the setting of the model that follows from it.
 
-A cause is named only where it explains the measurement: the plan is applied to a load of the measured length, and
-its residual swing must come out as measured. Otherwise the conclusion says that the cause is not known.
+A cause is named only where it explains the measurement: the plan is applied to a load of the
+measured length, and its residual swing must come out as measured. Otherwise the conclusion says
+that the cause is not known.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ class Setting(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Conclusion(msgspec.Struct, frozen=True, kw_only=True):
-    """One sentence, the setting that follows, and the command that runs with it; empty where nothing follows."""
+    """One sentence, the setting that follows from it, and the command that runs with it."""
 
     sentence: str
     setting: Setting | None = None
@@ -65,7 +66,7 @@ def conclude(run: RunLog, summary: Summary) -> Conclusion:
 
 
 def repeat_command(run: RunLog, summary: Summary) -> str:
-    """Name the command that repeats a run: the one recorded in its log, else that of its experiment."""
+    """Name the command that repeats a run: the one in its log, else that of its experiment."""
     recorded = run.log.metadata["run.start"].get("command", "")
     return recorded or f"rig run {summary.experiment}"
 
@@ -73,8 +74,9 @@ def repeat_command(run: RunLog, summary: Summary) -> str:
 def predicted_residual_rad(run: RunLog, length_m: float) -> float:
     """Residual swing that the plan leaves on a pendulum of this length: small angles, no damping.
 
-    The platform moves from sample to sample at constant speed, so its acceleration is a train of impulses d_k / h:
-    A = |sum d_k exp(j w t_k)| / (h w L) with d_k the second difference of the position and w = sqrt(g / L).
+    The platform moves from sample to sample at constant speed, so its acceleration is a train of
+    impulses d_k / h: A = |sum d_k exp(j w t_k)| / (h w L) with d_k the second difference of the
+    position and w = sqrt(g / L).
     """
     omega_rad_s = math.sqrt(run.facts.gravity_m_s2 / length_m)
     h_s = run.plan.period_ns * 1e-9

@@ -29,7 +29,8 @@ def rows_of(entries: Iterable[Entry]) -> Iterator[Row]:
     """One row for each message, flat: fields of a table as a_b, items of a list as a_0, a_1
     (up to MAX_LIST_COLUMNS, else as JSON in one cell).
 
-    A batch of receipts gives one row for each receipt. Raises LogError for a message that is no JSON object.
+    A batch of receipts gives one row for each receipt. Raises LogError for a message that is no
+    JSON object.
     """
     for entry in entries:
         stamps = {TIMES[0]: entry.log_ns, TIMES[1]: entry.publish_ns}

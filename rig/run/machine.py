@@ -1,4 +1,4 @@
-"""Grade of this machine: can its timer keep the rates of an experiment, with real-time priority or without?"""
+"""Grade of this machine: whether its timer keeps the rates of an experiment in real time."""
 
 from __future__ import annotations
 
@@ -42,7 +42,8 @@ class Lateness(NamedTuple):
         return self.p99_ms <= P99_BOUND_MS and self.worst_ms <= WORST_BOUND_MS
 
     def __str__(self) -> str:
-        return f"{self.median_ms:.2f} ms (median), {self.p99_ms:.2f} (p99), {self.worst_ms:.2f} (worst)"
+        ordinary = f"{self.median_ms:.2f} ms (median), {self.p99_ms:.2f} (p99)"
+        return f"{ordinary}, {self.worst_ms:.2f} (worst)"
 
 
 class MachineGrade(NamedTuple):
@@ -89,7 +90,8 @@ def measure_machine(
 ) -> MachineGrade:
     """Measure the timer with and without real-time priority, three seconds together, and grade it.
 
-    timer(period_ns, ticks) gives the lateness of each tick [ns]; take and drop change the priority of this process.
+    timer(period_ns, ticks) gives the lateness of each tick [ns]; take and drop change the priority
+    of this process.
     """
     ticks = round(MEASURE_S * 1e9 / PERIOD_NS)
     if not take(PRIORITY):

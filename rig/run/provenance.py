@@ -16,8 +16,8 @@ DESCRIBE = ("describe", "--always", "--dirty", "--abbrev=40", "--exclude=*")
 def provenance(root: Path) -> dict[str, str]:
     """Name the code that lies at root: keys `code`, `git_commit` and `git_dirty` of `run.start`.
 
-    A commit is recorded only where root is the top of a git checkout of this product. A package that is
-    installed somewhere inside another project's checkout is named by its version.
+    A commit is recorded only where root is the top of a git checkout of this product. A package
+    that is installed somewhere inside another project's checkout is named by its version.
     """
     described = _describe(root) if _is_own_checkout(root) else ""
     if not described:

@@ -1,4 +1,4 @@
-"""A log opens in the readers that people have: mcap as pinned, mcap 1.3.1, and @mcap/core under Node."""
+"""A log opens in three readers: mcap as pinned, mcap 1.3.1, and @mcap/core under Node."""
 
 import base64
 import json
@@ -83,7 +83,7 @@ def reader(request):
 
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory):
-    """One log of every kind: a whole run, a run that was killed and recovered, an old one recovered."""
+    """One log of every kind: a whole run, a killed one recovered, an old one recovered."""
     from rig.run import experiment
     from rig.run.config import read_experiment
     from rig.run.runs import LOG

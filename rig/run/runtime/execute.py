@@ -28,7 +28,7 @@ Progress = Callable[[int, Operator], None]  # run clock [ns]; called often
 
 
 class RunOutcome(NamedTuple):
-    """End of a run; loop_s: wall time from the start of the first task to the end of the last one."""
+    """End of a run; loop_s: wall time from the start of the first task to the end of the last."""
 
     exit_code: int
     reasons: list[str]

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from comms.channels import MS
 
-BUSY_HINT = "this machine is too busy for real time: free it, or run with --virtual (`rig doctor` measures it)"
+BUSY_HINT = (
+    "this machine is too busy for real time: free it, or run with --virtual "
+    "(`rig doctor` measures it)"
+)
 NOTED_PERIODS = 2  # a pause of more periods than this is worth a note
 
 
@@ -23,7 +26,7 @@ class PauseMeter:
         self._last_ns = t_ns
 
     def cause(self, age_ns: int, peer: str) -> str:
-        """Word the cause of something that is age_ns old: the own pause if it explains half, else peer."""
+        """Word the cause of an age: the own pause if it explains half of it, else peer."""
         if 2 * self._pause_ns >= age_ns:
             return f"this process itself was not run for {self._pause_ns / MS:.0f} ms: {BUSY_HINT}"
         return peer

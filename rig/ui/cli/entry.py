@@ -8,7 +8,7 @@ STOPPED, SHELL_INTERRUPT = 4, 130
 
 
 def main() -> None:
-    """Run the command line; Ctrl-C anywhere outside a run ends with the code of a stop, never with a stack trace."""
+    """Run the command line; Ctrl-C outside a run ends with the code of a stop."""
     try:
         from rig.ui.cli.main import main as command_line
 

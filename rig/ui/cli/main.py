@@ -1,4 +1,4 @@
-"""`rig`: the program itself, and the one place where an error becomes a message and an exit code."""
+"""`rig`: the program; the one place where an error becomes a message and an exit code."""
 
 from __future__ import annotations
 

@@ -8,7 +8,8 @@ from typing import Annotated
 import msgspec
 import typer
 
-from comms.log_recovery import Recovery, recover
+from comms.log_recovery import recover
+from comms.log_scan import Recovery
 from rig.errors import OK
 from rig.run.runs import find_log
 from rig.ui.cli.output import out, print_json
@@ -28,14 +29,14 @@ def recover_log(
     ] = False,
     runs: Annotated[Path, typer.Option(help="Folder of the run folders.")] = Path("runs"),
 ) -> int:
-    """Write every intact record of a truncated or damaged MCAP file to a complete one, and verify it."""
+    """Write the intact records of a damaged MCAP file to a complete one, and verify it."""
     found = recover(find_log(name, runs), target)
     if as_json:
         print_json({"file": str(target), "whole": found.is_whole, **msgspec.structs.asdict(found)})
         return OK
     out.print(
         f"{target}: {found.messages} messages on {found.channels} channels, "
-        f"{found.attachments} attachments, {found.metadata} metadata records; read back and complete"
+        f"{found.attachments} attachments, {found.metadata} metadata records; verified"
     )
     for line in _losses(found):
         out.print(f"  left out: {line}")

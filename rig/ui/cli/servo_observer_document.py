@@ -81,7 +81,8 @@ def verdict_lines(
     return [
         f"without observer the pair swings at {task.joint_pair.frequency_rad_s:.2f} rad/s "
         f"with damping {task.joint_pair.damping:.3f}; while the motor stands, the load at "
-        f"{task.locked_rotor_pair.frequency_rad_s:.2f} rad/s with {task.locked_rotor_pair.damping:.3f}",
+        f"{task.locked_rotor_pair.frequency_rad_s:.2f} rad/s with "
+        f"{task.locked_rotor_pair.damping:.3f}",
         f"rigid nominal: {effects}; best at {_milliseconds(turn.best_s)} ms, "
         f"where the least damping is {turn.best.damping:.3f}",
         "elastic nominal: keeps the joint's own pair whatever T_f, and rejects only what is not "

@@ -34,7 +34,7 @@ def stop(
         typer.Option("--emergency", help="Emergency stop: the run ends as a fault (exit 5)."),
     ] = False,
 ) -> int:
-    """Stop every experiment running under RUNS, in order: the robot first, then the log is closed."""
+    """Stop every experiment that runs under RUNS: the robot first, then the log is closed."""
     operators = [_read(path) for path in sorted(runs.glob("*/operator.json"))]
     alive = [operator for operator in operators if _is_alive(operator.pid)]
     for operator in operators:

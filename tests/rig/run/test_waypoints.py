@@ -169,4 +169,4 @@ def test_a_planner_beside_waypoints_is_refused(rig, tmp_path):
         f"move.waypoints={tmp_path / 'points.csv'}",
     )
     assert code == 2
-    assert "--planner zvd with [move] waypoints; the points are passed by [move] spline" in why
+    assert "--planner zvd with [move] waypoints; must be without: [move] spline plans a move" in why

@@ -464,7 +464,7 @@ def test_without_a_choice_the_catalogue_is_searched(told, spec):
 
 
 def test_without_a_choice_the_verdict_names_the_screw_and_its_missing_data(rig, told, spec):
-    path = spec(SPEC + "[wishes]\nlife_h = 1000\nlead_class = 'ISO 5'\n")
+    path = spec(SPEC + "[requirements]\nlife_h = 1000\nlead_class = 'ISO 5'\n")
     searched = told(path)
     named = told(path, "--entry", searched["judged"])
     differing = {name for name in searched if searched[name] != named[name]}
@@ -478,7 +478,7 @@ def test_without_a_choice_the_verdict_names_the_screw_and_its_missing_data(rig, 
     verdict = " ".join(rig("size", path)[1].partition("verdict: ")[2].split())
     assert verdict.startswith(
         f"{searched['judged']}, best of 7 admissible "
-        "(told in full first, then greatest least margin): "
+        "(complete data first, then largest minimum margin): "
     )
     assert all(reason in verdict for reason in searched["reasons"])
     told_in_full = told(
@@ -528,7 +528,7 @@ def test_a_sizing_file_without_a_choice_is_printed_as_tables(rig, spec):
     assert "20x40, best of 8 admissible: diameter 20 mm, lead 40 mm" in said
     last = (
         "verdict: 20x40, best of 8 admissible "
-        "(told in full first, then greatest least margin): admissible"
+        "(complete data first, then largest minimum margin): admissible"
     )
     assert " ".join(said.split()).endswith(last)
 
@@ -542,11 +542,11 @@ def test_no_line_is_wider_than_the_terminal(rig, monkeypatch, columns):
 
 
 def test_the_chart_is_drawn_with_a_line_for_every_limit_that_is_asked(rig, spec, tmp_path):
-    wishes = (
-        "[wishes]\nlife_h = 1e4\nsag_m = 5e-4\nposition_error_m = 2e-5\n"
+    requirements = (
+        "[requirements]\nlife_h = 1e4\nsag_m = 5e-4\nposition_error_m = 2e-5\n"
         "angle_error_rad = 3e-3\nbandwidth_rad_s = 300\n"
     )
-    path = spec(SPEC + wishes + MY_SCREW, before='choice = "mine"\n')
+    path = spec(SPEC + requirements + MY_SCREW, before='choice = "mine"\n')
     code, _, _ = rig("size", path, "--plot", "chart.svg")
     assert code == 0
     assert "<svg" in (tmp_path / "chart.svg").read_text()
