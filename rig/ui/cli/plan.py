@@ -19,6 +19,8 @@ from rig.ui.cli import plan_tables
 from rig.ui.cli.output import out, print_json
 from rig.ui.plots import picture_file
 
+WARM_S = 0.5  # a plan that takes less is timed again
+
 
 def plan(
     planner: Annotated[
@@ -158,6 +160,8 @@ def plan(
         limits=Limits(speed_m_s=speed_limit, acceleration_m_s2=acceleration_limit),
     )
     result = catalog.plan(planner, problem, stopwatch_s)
+    if (result.compute_s or 0.0) < WARM_S:  # the first plan imports what it needs: time a second
+        result = catalog.plan(planner, problem, stopwatch_s)
     if csv_file is not None:
         plan_tables.write_csv(result, csv_file)
     if plot is not None:
