@@ -18,7 +18,7 @@ $(READY): pyproject.toml constraints.txt
 	@touch $@
 
 demo: $(READY)
-	$(BIN)/rig run move
+	$(BIN)/rig run move --clock auto
 
 test: $(READY)
 	$(THREADS) $(BIN)/python -m pytest -n 2 --dist loadgroup

@@ -12,6 +12,7 @@ import msgspec
 from rich.console import Console, JustifyMethod
 from rich.table import Table
 
+from rig.analysis.conclusion import Conclusion
 from rig.analysis.summary import QUANTITIES, LinkSummary, Quantities, Summary
 from rig.errors import OK
 
@@ -101,6 +102,14 @@ def print_summary(s: Summary) -> None:
     )
     for reason in s.reasons:
         out.print(f"  - {reason}")
+
+
+def print_conclusion(conclusion: Conclusion) -> None:
+    """Print the conclusion of a run, and the setting that follows with the command to try it."""
+    out.print(conclusion.sentence, style="bold", soft_wrap=False)
+    if conclusion.setting is not None:
+        out.print(f"  better model: {conclusion.setting.toml}")
+        out.print(f"  try it: {conclusion.command}")
 
 
 def _quantities(s: Summary) -> Table:

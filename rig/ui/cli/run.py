@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import enum
+import shlex
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -10,18 +13,29 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from comms.clock import stopwatch_s
-from comms.link import LinkFaults
 from planners.problem import Plan
 from rig.analysis.analyze import RunAnalysis
+from rig.analysis.conclusion import conclude
 from rig.analysis.summary import Summary
 from rig.errors import FAULT, REFUSED, STOPPED, ConfigError, Stopped
 from rig.run import config, experiment
 from rig.run.job import Job, plan_move
 from rig.run.runs import LOG
+from rig.run.runtime.execute import ClockMode
 from rig.run.tasks.operator import Operator
-from rig.ui.cli.output import err, out, print_json, print_summary
+from rig.run.tasks.pause import BUSY_HINT
+from rig.ui.cli.output import err, out, print_conclusion, print_json, print_summary, working
+from rig.ui.cli.run_announcement import announcement
 
 RUNS = Path("runs")
+
+
+class Clock(enum.Enum):
+    """Values of --clock."""
+
+    REAL = "real"
+    VIRTUAL = "virtual"
+    AUTO = "auto"
 
 
 def run(
@@ -32,8 +46,18 @@ def run(
         ),
     ] = "move",
     virtual: Annotated[
-        bool, typer.Option("--virtual", help="Virtual time: one process, faster than real time.")
+        bool,
+        typer.Option(
+            "--virtual", help="Virtual time: one process, faster than real time; --clock virtual."
+        ),
     ] = False,
+    clock: Annotated[
+        Clock | None,
+        typer.Option(
+            help="Clock of the run: real time, virtual time, or auto: real time where this machine "
+            "keeps it (measured in 3 s), else virtual; real by default."
+        ),
+    ] = None,
     seed: Annotated[
         int | None,
         typer.Option(help="Seed of noise, loss and jitter; the experiment's by default."),
@@ -61,6 +85,25 @@ def run(
     changes = list(overrides or [])
     if seed is not None:
         changes.append(f"experiment.seed={seed}")
+    chosen = _experiments(name, changes, planner)
+    mode, may_fall_back = _mode(Clock.VIRTUAL if virtual else clock or Clock.REAL)
+    summaries: list[Summary] = []
+    for experiment_file in chosen:
+        summaries.append(_run_one(experiment_file, mode, runs, as_json, report))
+        if may_fall_back and _was_starved(summaries[-1]):
+            err.print("this machine did not keep real time: the run is repeated in virtual time")
+            summaries[-1] = _run_one(experiment_file, "virtual", runs, as_json, report)
+        if summaries[-1].exit_code in (REFUSED, STOPPED, FAULT):
+            break
+    if as_json:
+        print_json(summaries[0] if len(chosen) == 1 else {"runs": summaries})
+    elif len(summaries) > 1:
+        out.print(_comparison(summaries))
+    return max((s.exit_code for s in summaries), default=0)
+
+
+def _experiments(name: str, changes: list[str], planner: str | None) -> list[config.Experiment]:
+    """Read the experiment, once for each planner; raises ConfigError before anything moves."""
     planners = _names(planner)
     if planner is not None and not planners:
         raise ConfigError(
@@ -81,17 +124,7 @@ def run(
         )
     for experiment_file in chosen:  # a planner that fails is reported before anything moves
         plan_move(experiment_file)
-    summaries: list[Summary] = []
-    for experiment_file in chosen:
-        mode = "virtual" if virtual else "wall"
-        summaries.append(_run_one(experiment_file, mode, runs, as_json, report))
-        if summaries[-1].exit_code in (REFUSED, STOPPED, FAULT):
-            break
-    if as_json:
-        print_json(summaries[0] if len(chosen) == 1 else {"runs": summaries})
-    elif len(summaries) > 1:
-        out.print(_comparison(summaries))
-    return max((s.exit_code for s in summaries), default=0)
+    return chosen
 
 
 def _names(text: str | None) -> list[str]:
@@ -99,8 +132,34 @@ def _names(text: str | None) -> list[str]:
     return [word for word in words if word]
 
 
+def _mode(clock: Clock) -> tuple[ClockMode, bool]:
+    """Choose the mode of a run, and whether a starved run is repeated in virtual time."""
+    if clock is Clock.VIRTUAL:
+        return "virtual", False
+    if clock is Clock.REAL:
+        return "wall", False
+    from rig.run.machine import measure_machine
+
+    with working("measuring the timer of this machine for 3 s"):
+        found = measure_machine()
+    if found.can_run_in_real_time:
+        return "wall", True
+    err.print(f"virtual time: {found.reason}")
+    return "virtual", False
+
+
+def _was_starved(summary: Summary) -> bool:
+    """Tell whether a run ended in a fault because the machine did not run its processes."""
+    return summary.exit_code == FAULT and any(BUSY_HINT in reason for reason in summary.reasons)
+
+
+def _command() -> str:
+    """Command line of this run, as one would type it again."""
+    return shlex.join(["rig", *sys.argv[1:]])
+
+
 def _run_one(
-    chosen: config.Experiment, mode: str, runs: Path, quiet: bool, report: bool
+    chosen: config.Experiment, mode: ClockMode, runs: Path, quiet: bool, report: bool
 ) -> Summary:
     began = stopwatch_s()
     bar = Progress(
@@ -124,11 +183,9 @@ def _run_one(
 
         def before(job: Job, plan: Plan | None) -> None:
             if not quiet:
-                err.print(_announcement(job, plan, mode, stopwatch_s() - began))
+                err.print(announcement(job, plan, mode))
 
-        ran = experiment.run(
-            chosen, "virtual" if mode == "virtual" else "wall", runs, progress, before
-        )
+        ran = experiment.run(chosen, mode, runs, progress, before, command=_command())
     try:
         return _show_results(ran, quiet, report, stopwatch_s() - began)
     except KeyboardInterrupt:
@@ -148,6 +205,7 @@ def _show_results(ran: experiment.FinishedRun, quiet: bool, report: bool, run_s:
         write(ran.folder, analysis, RunAnalysis(ran.twin / LOG) if ran.twin else None)
     if not quiet:
         print_summary(analysis.summary)
+        print_conclusion(conclude(analysis.run, analysis.summary))
         loop_s = ran.outcome.loop_s
         run_time_s = analysis.run.plan.duration_s
         out.print(
@@ -155,6 +213,8 @@ def _show_results(ran: experiment.FinishedRun, quiet: bool, report: bool, run_s:
             f"run time: {run_time_s / loop_s:.1f} x real time), "
             f"analysis {analysed - ended:.2f} s, report {stopwatch_s() - analysed:.2f} s"
         )
+        if ran.outcome.digest:
+            out.print(f"digest {ran.outcome.digest}")
         out.print(f"{ran.folder}  run.mcap" + ("  report.html" if report else ""), style="bold")
     return analysis.summary
 
@@ -166,55 +226,6 @@ def _phase_name(done_s: float, e: config.Experiment) -> str:
     if done_s < e.experiment.quiet_s:
         return "quiet"
     return "moving" if done_s < e.experiment.quiet_s + e.move.time_s else "watching"
-
-
-def _announcement(job: Job, plan: Plan | None, mode: str, plan_s: float) -> Table:
-    """Create the table that is shown before anything moves."""
-    e = job.experiment
-    title = f"about to run: {e.experiment.name}"
-    table = Table(show_header=False, title=title, title_justify="left")
-    clock = "virtual time, one process"
-    if mode == "wall":
-        clock = "real time, five processes, UDP and ZeroMQ"
-    table.add_row("mode", f"{clock}; seed {e.experiment.seed}")
-    if plan is not None:
-        m = plan.metrics
-        table.add_row("plan", _plan_description(plan))
-        table.add_row(
-            "model", f"cable {e.model.cable_m:g} m, damping ratio {e.model.damping_ratio:g}"
-        )
-        table.add_row(
-            "peak demand",
-            f"{m.peak_speed_m_s:.3f} m/s (limit {e.limits.speed_m_s:g}), "
-            f"{m.peak_acceleration_m_s2:.2f} m/s² (limit {e.limits.acceleration_m_s2:g})",
-        )
-        table.add_row(
-            "predicted swing",
-            f"peak {m.peak_swing_rad * 1e3:.1f} mrad, "
-            f"residual {m.residual_swing_nonlinear_rad * 1e3:.2f} mrad",
-        )
-    else:
-        table.add_row("plan", "no move" if job.plan.time_s == 0 else "from point to point")
-    table.add_row(
-        "time",
-        f"{job.plan.quiet_s:g} s quiet, {job.plan.time_s:g} s move, "
-        f"{job.plan.watch_s:g} s watching",
-    )
-    links = [f"{name} ({_faults(f)})" for name, f in e.links.items()]
-    table.add_row("links", ", ".join(links) or "no faults")
-    table.add_row("calibration", job.calibration_name if e.camera.rate_hz else "no camera")
-    return table
-
-
-def _faults(f: LinkFaults) -> str:
-    words = []
-    if f.delay_ms:
-        words.append(f"{f.delay_ms:g} ms")
-    if f.jitter_ms:
-        words.append(f"+ up to {f.jitter_ms:g} ms")
-    if f.loss:
-        words.append(f"{f.loss:.0%} lost in bursts of {f.burst}")
-    return ", ".join(words) or "no faults"
 
 
 def _comparison(summaries: list[Summary]) -> Table:
@@ -231,17 +242,3 @@ def _comparison(summaries: list[Summary]) -> Table:
             s.planner, *("-" if v is None else f"{v * 1e3:.3f}" for v in values), s.verdict
         )
     return table
-
-
-def _plan_description(plan: Plan) -> str:
-    """Describe planner, move and options of a plan in one line."""
-    p = plan.problem
-    words = [
-        f"{plan.planner}: {p.distance_m:g} m along {p.axis} in {p.time_s:g} s",
-        f"{p.input} input",
-    ]
-    if p.robust:
-        words.append(f"robust to {', '.join(p.robust)}")
-    if p.nonlinear:
-        words.append("nonlinear")
-    return ", ".join(words)

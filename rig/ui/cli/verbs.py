@@ -34,6 +34,8 @@ VERBS = {
     "sim": Verb("rig.ui.cli.sim:sim", "Write a synthetic video with its truth."),
     "track": Verb("rig.ui.cli.track:track", "Measure the cable angle in a video file."),
     "analyze": Verb("rig.ui.cli.analyze:analyze", "Analyse a recorded run."),
+    "recover": Verb("rig.ui.cli.recover:recover_log", "Write a complete file from a damaged log."),
+    "export": Verb("rig.ui.cli.export:export", "Write one table for each channel of a log."),
     "laws": Verb("rig.ui.cli.laws:app", "List, compare and draw motion laws."),
     "spline": Verb("rig.ui.cli.spline:spline", "Plan a motion through the points of a file."),
     "motor-check": Verb(

@@ -1,0 +1,74 @@
+"""Table that `rig run` shows before anything moves."""
+
+from __future__ import annotations
+
+from rich.table import Table
+
+from comms.link import LinkFaults
+from planners.problem import Plan
+from rig.run.job import Job
+
+CLOCKS = {
+    "wall": "real time, five processes, UDP and ZeroMQ",
+    "virtual": "virtual time, one process",
+}
+
+
+def announcement(job: Job, plan: Plan | None, mode: str) -> Table:
+    """Create the table of model, plan, times, links and calibration of a job."""
+    e = job.experiment
+    title = f"about to run: {e.experiment.name}"
+    table = Table(show_header=False, title=title, title_justify="left")
+    table.add_row("mode", f"{CLOCKS[mode]}; seed {e.experiment.seed}")
+    if plan is not None:
+        m = plan.metrics
+        table.add_row("plan", _plan_description(plan))
+        table.add_row(
+            "model", f"cable {e.model.cable_m:g} m, damping ratio {e.model.damping_ratio:g}"
+        )
+        table.add_row(
+            "peak demand",
+            f"{m.peak_speed_m_s:.3f} m/s (limit {e.limits.speed_m_s:g}), "
+            f"{m.peak_acceleration_m_s2:.2f} m/s² (limit {e.limits.acceleration_m_s2:g})",
+        )
+        table.add_row(
+            "predicted swing",
+            f"peak {m.peak_swing_rad * 1e3:.1f} mrad, "
+            f"residual {m.residual_swing_nonlinear_rad * 1e3:.2f} mrad",
+        )
+    else:
+        table.add_row("plan", "no move" if job.plan.time_s == 0 else "from point to point")
+    table.add_row(
+        "time",
+        f"{job.plan.quiet_s:g} s quiet, {job.plan.time_s:g} s move, "
+        f"{job.plan.watch_s:g} s watching",
+    )
+    links = [f"{name} ({_faults(f)})" for name, f in e.links.items()]
+    table.add_row("links", ", ".join(links) or "no faults")
+    table.add_row("calibration", job.calibration_name if e.camera.rate_hz else "no camera")
+    return table
+
+
+def _faults(f: LinkFaults) -> str:
+    words = []
+    if f.delay_ms:
+        words.append(f"{f.delay_ms:g} ms")
+    if f.jitter_ms:
+        words.append(f"+ up to {f.jitter_ms:g} ms")
+    if f.loss:
+        words.append(f"{f.loss:.0%} lost in bursts of {f.burst}")
+    return ", ".join(words) or "no faults"
+
+
+def _plan_description(plan: Plan) -> str:
+    """Describe planner, move and options of a plan in one line."""
+    p = plan.problem
+    words = [
+        f"{plan.planner}: {p.distance_m:g} m along {p.axis} in {p.time_s:g} s",
+        f"{p.input} input",
+    ]
+    if p.robust:
+        words.append(f"robust to {', '.join(p.robust)}")
+    if p.nonlinear:
+        words.append("nonlinear")
+    return ", ".join(words)
