@@ -7,17 +7,16 @@ import os
 import platform
 import shutil
 import sys
+from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-
 from comms.channels import CHANNELS, Transport
-from comms.clock import timer_lateness_ns
 from comms.errors import CommsError
 from comms.udp import UdpReceiver, port_is_free, receive_buffer_bytes
 from rig.run.config import NetworkSection, shipped_calibrations
+from rig.run.machine import MachineGrade, measure_machine
 from rig.run.runtime.children import PROCESSES
 from rig.run.runtime.ports import BUS_PORTS, channel_ports
 
@@ -32,8 +31,6 @@ NEEDED = {
     "matplotlib": 3,
 }
 MIN_FREE_BYTES = 500_000_000  # a run takes 5 MB; a disk this full fails soon
-TIMER_PERIOD_NS, TIMER_TICKS = 5_000_000, 200
-MAX_TIMER_LATENESS_MS = 2.0  # p99; above it the intervals of the setpoints vary visibly
 
 
 class Finding(NamedTuple):
@@ -48,9 +45,30 @@ class Finding(NamedTuple):
     advice: str = ""
 
 
-def examine(runs: Path, network: NetworkSection) -> list[Finding]:
-    """Run all checks; takes about one second, for the timer."""
-    return [
+class Examination(NamedTuple):
+    """Findings of all checks, and what runs on this machine."""
+
+    findings: list[Finding]
+    machine: MachineGrade
+
+    @property
+    def verdict(self) -> str:
+        """One line: what can run here."""
+        if any(finding.status == "failed" for finding in self.findings):
+            return "not ready: a run would fail"
+        if not self.machine.can_run_in_real_time:
+            return "ready in virtual time only: `rig run --virtual`"
+        return f"ready for {self.machine.grade.value}: `rig run`"
+
+
+def examine(
+    runs: Path,
+    network: NetworkSection,
+    measure: Callable[[], MachineGrade] = measure_machine,
+) -> Examination:
+    """Run all checks; takes three seconds, for the timer."""
+    machine = measure()
+    findings = [
         _python(),
         *(_package(name, major) for name, major in NEEDED.items()),
         *(_room(name) for name in ROOMS),
@@ -59,8 +77,9 @@ def examine(runs: Path, network: NetworkSection) -> list[Finding]:
         _ports(network),
         _receive_buffer(network.bind),
         _cores(),
-        _timer(),
+        _timer(machine),
     ]
+    return Examination(findings, machine)
 
 
 def _python() -> Finding:
@@ -179,16 +198,9 @@ def _cores() -> Finding:
     return Finding("cores", "warning", str(cores), advice)
 
 
-def _timer() -> Finding:
-    late_ms = np.array(timer_lateness_ns(TIMER_PERIOD_NS, TIMER_TICKS)) * 1e-6
-    p99 = float(np.percentile(late_ms, 99))
-    found = (
-        f"a 5 ms tick is late by {np.median(late_ms):.2f} ms (median), {p99:.2f} (p99), "
-        f"{late_ms.max():.2f} (worst)"
-    )
-    if p99 <= MAX_TIMER_LATENESS_MS:
-        return Finding("timer", "ok", found)
-    advice = (
-        f"p99 should be <= {MAX_TIMER_LATENESS_MS:g} ms: this machine is busy; expect late ticks"
-    )
+def _timer(machine: MachineGrade) -> Finding:
+    """Judge the timer: whether a run in real time keeps its deadlines on this machine."""
+    if machine.can_run_in_real_time:
+        return Finding("timer", "ok", machine.reason)
+    found, _, advice = machine.reason.partition("; ")
     return Finding("timer", "warning", found, advice)

@@ -30,11 +30,13 @@ def doctor(
 
     Exit code 3 when a run would fail.
     """
-    with err.status("checking ports, disk, versions, and the timer for one second"):
-        checks = examine(runs, NetworkSection(base_port=base_port))
+    with err.status("checking ports, disk, versions, and the timer for three seconds"):
+        examined = examine(runs, NetworkSection(base_port=base_port))
+    checks = examined.findings
     failed = [c for c in checks if c.status == "failed"]
     if as_json:
-        print_json({"ok": not failed, "checks": [c._asdict() for c in checks]})
+        grade = examined.machine.grade.name.lower()
+        print_json({"ok": not failed, "grade": grade, "checks": [c._asdict() for c in checks]})
         return REFUSED if failed else 0
     table = Table(show_header=False)
     for check in checks:
@@ -42,8 +44,5 @@ def doctor(
             Text(check.status, style=COLOUR[check.status]), check.name, check.found, check.advice
         )
     out.print(table)
-    out.print(
-        "not ready: a run would fail" if failed else "ready: `rig run`",
-        style="red" if failed else "green",
-    )
+    out.print(examined.verdict, style="red" if failed else "green")
     return REFUSED if failed else 0

@@ -2,6 +2,8 @@
 
 import pytest
 
+from rig.run.config import NetworkSection
+from rig.run.doctor import examine
 from rig.run.machine import Grade, grade_of, lateness_of, measure_machine
 
 QUIET_NS = [60_000] * 300
@@ -62,3 +64,18 @@ def test_priority_is_given_back_when_the_timer_fails():
 def test_late_with_priority_decides_even_where_it_is_not_late_without():
     late, quiet = lateness_of(BUSY_NS), lateness_of(QUIET_NS)
     assert grade_of(late, quiet).grade is Grade.VIRTUAL_ONLY
+
+
+def verdict_of(tmp_path, late_ns):
+    """Verdict of the doctor on a machine whose timer is late by these."""
+    found, _ = machine(late_ns, late_ns, allowed=False)
+    return examine(tmp_path, NetworkSection(), lambda: found)
+
+
+def test_the_doctor_is_ready_for_real_time_only_where_the_timer_keeps_it(tmp_path):
+    quiet, busy = verdict_of(tmp_path, QUIET_NS), verdict_of(tmp_path, BUSY_NS)
+    assert quiet.verdict == "ready for real time, without real-time priority: `rig run`"
+    assert busy.verdict == "ready in virtual time only: `rig run --virtual`"
+    (timer,) = [finding for finding in busy.findings if finding.name == "timer"]
+    assert timer.status == "warning"
+    assert "must be <= 2 ms (p99)" in timer.advice
