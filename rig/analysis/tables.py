@@ -42,13 +42,13 @@ def rows_of(entries: Iterable[Entry]) -> Iterator[Row]:
             ) from None
         if not isinstance(fields, dict):
             raise LogError(f"a message is {type(fields).__name__}; must be a JSON object")
-        batch = fields.pop(ROWS, None)
-        flat = stamps | _flat(fields)
-        if batch is None:
-            yield flat
+        if not isinstance(fields.get(ROWS), list):
+            yield stamps | _flat(fields)
             continue
+        batch = fields.pop(ROWS)
         for item in batch:
-            yield flat | dict(zip(RECEIPT, item, strict=False))
+            receipt = dict(zip(RECEIPT, item, strict=False))
+            yield stamps | _flat(fields) | receipt
 
 
 def write_csv(log: Log, folder: Path) -> list[Path]:
