@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
 Numbers = npt.NDArray[Any]  # float, or complex while a derivative is computed
+SUBNORMAL = 1e-290  # a product below it may be a subnormal number of few digits
 
 
 def free_swing(
@@ -53,9 +54,10 @@ def action_amplitude(amplitude: Any) -> Any:
 
 
 def _decaying_integral(rate: Any, tau: FloatArray) -> Numbers:
-    """Integrate exp(-rate u) over u from 0 to tau; tau itself for rate 0."""
+    """Integrate exp(-rate u) over u from 0 to tau; tau itself where rate tau has lost its digits."""
     x = rate * tau
-    return np.where(x == 0, tau, -np.expm1(-x) / np.where(x == 0, 1, rate))
+    is_tau = np.abs(x) < SUBNORMAL
+    return np.where(is_tau, tau, -np.expm1(-x) / np.where(is_tau, 1, rate))
 
 
 def _average_gain(frame_phase: Any, frames: int) -> Any:

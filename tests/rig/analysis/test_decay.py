@@ -20,6 +20,7 @@ from rig.analysis.identify.decay import (
     is_identifiable,
 )
 from rig.analysis.identify.errors import AnalysisError
+from rig.analysis.identify.free_swing import free_swing
 
 Array = npt.NDArray[np.float64]
 
@@ -276,3 +277,12 @@ def test_data_insufficient_for_a_fit_are_refused_with_the_reason(
 ) -> None:
     with pytest.raises(AnalysisError, match=message):
         fit_decay(t_s, angle_rad, average_frames=average_frames)
+
+
+def test_a_subnormal_decay_rate_is_no_decay() -> None:
+    tau = np.arange(0, 0.875, 0.01)
+    swings = [
+        free_swing(np.array([6.28, rate, 0.25, 2.0, 0.0]), tau, average_frames=1, frame_period_s=0)
+        for rate in (0.0, 5e-324)
+    ]
+    np.testing.assert_array_equal(*swings)
