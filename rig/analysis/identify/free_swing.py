@@ -54,7 +54,7 @@ def action_amplitude(amplitude: Any) -> Any:
 
 
 def _decaying_integral(rate: Any, tau: FloatArray) -> Numbers:
-    """Integrate exp(-rate u) over u from 0 to tau; tau itself where rate tau has lost its digits."""
+    """Integrate exp(-rate u) over u from 0 to tau; tau itself where rate tau is subnormal."""
     x = rate * tau
     is_tau = np.abs(x) < SUBNORMAL
     return np.where(is_tau, tau, -np.expm1(-x) / np.where(is_tau, 1, rate))
