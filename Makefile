@@ -2,12 +2,13 @@
 PYTHON ?= python3.11
 VENV := .venv
 BIN := $(VENV)/bin
+OLDEST := .venv-oldest
 READY := $(VENV)/.ready
 ROOMS := comms planners vision sim_rig rig
 SHORT :=
 THREADS := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
 
-.PHONY: setup demo test check format bench clean
+.PHONY: setup demo test test-oldest check format bench clean
 
 setup: $(READY)
 
@@ -22,6 +23,11 @@ demo: $(READY)
 
 test: $(READY)
 	$(THREADS) $(BIN)/python -m pytest -n 2 --dist loadgroup
+
+test-oldest: pyproject.toml constraints-oldest.txt  # the same tests with the oldest versions that are admitted
+	$(PYTHON) -m venv $(OLDEST)
+	$(OLDEST)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints-oldest.txt -e '.[tests]'
+	$(THREADS) $(OLDEST)/bin/python -m pytest -n 2 --dist loadgroup
 
 check: $(READY)
 	$(BIN)/ruff format --check .
@@ -40,4 +46,4 @@ bench: $(READY)  # make bench SHORT=--short: the same with few repeats, to show 
 	$(THREADS) $(BIN)/python -m benchmarks.servo $(SHORT)
 
 clean:
-	rm -rf $(VENV) build *.egg-info
+	rm -rf $(VENV) $(OLDEST) build *.egg-info
