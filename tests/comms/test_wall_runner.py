@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import re
 import select
 import threading
 from collections.abc import Iterator
@@ -369,7 +370,9 @@ def test_the_truth_goes_to_the_operator_and_into_the_ledger(bench_operator: Oper
     assert operator.rows()["truth"] == LinkCount(sent=1)
 
 
-def test_a_task_that_loses_its_operator_stops_and_exits(operator: Operator, alone: None) -> None:
+def test_a_task_that_loses_its_operator_stops_and_exits(
+    operator: Operator, alone: None, capsys: pytest.CaptureFixture[str]
+) -> None:
     operator.launch()
     operator.hears(Hello)
     operator.bus.heartbeat("controller")
@@ -377,12 +380,17 @@ def test_a_task_that_loses_its_operator_stops_and_exits(operator: Operator, alon
     operator.hears(Reply)
     operator.bus.close()
     assert operator.exit_code() == ORPHANED == 5
+    said = capsys.readouterr().err
+    assert re.search(
+        r"controller: no message from the operator for \d+ ms; must be <= 100 ms", said
+    )
     assert operator.task.stopped
 
 
 def test_a_task_without_a_heartbeat_exits_without_having_started(
-    operator: Operator, alone: None
+    operator: Operator, alone: None, capsys: pytest.CaptureFixture[str]
 ) -> None:
     operator.launch()
     assert operator.exit_code() == ORPHANED
+    assert "no heartbeat of the operator within 100 ms" in capsys.readouterr().err
     assert not operator.task.started
