@@ -17,7 +17,7 @@ from comms.ends import Wiring
 from comms.link import LinkCount, LinkFaults
 from comms.messages import Command, Verb
 from comms.operator_bus import OperatorBus
-from comms.priority import drop_priority, take_priority
+from comms.priority import drop_priority, scheduling_of, take_priority
 from comms.records import Event
 from comms.runner import START_TIMEOUT_NS
 from comms.task import Step
@@ -69,7 +69,7 @@ class ProcessRunner:
         self._wake_ns: int | None = 0
         self._next_heartbeat_ns = 0
         self._next_check_ns = 0
-        self.scheduling: dict[str, str] = {}  # scheduling policy of each task
+        self.scheduling: dict[str, str] = {}  # policy of each process
         # share of one core, from the first heartbeat to the close order
         self.cpu_share: dict[str, float] = {}
 
@@ -233,7 +233,8 @@ class ProcessRunner:
     def _measure_processes(self) -> None:
         """Measure processor shares and scheduling; tasks exit soon after the close order."""
         self.cpu_share = self._cpu.shares(self._clock.now_ns())
-        self.scheduling = self._children.scheduling()
+        own = {"operator": scheduling_of(os.getpid())}
+        self.scheduling = own | self._children.scheduling()
 
     def _send_heartbeats(self, now_ns: int) -> None:
         if now_ns >= self._next_heartbeat_ns:
