@@ -9,7 +9,7 @@ ROOMS := comms planners vision sim_rig rig
 SHORT :=
 THREADS := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
 
-.PHONY: setup demo test test-oldest check format bench clean
+.PHONY: setup demo test test-oldest wheel check format bench clean
 
 setup: $(READY)
 
@@ -31,6 +31,16 @@ test-oldest: pyproject.toml constraints-oldest.txt
 	$(PYTHON) -m venv $(OLDEST)
 	$(OLDEST)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints-oldest.txt -e '.[tests]'
 	$(THREADS) $(OLDEST)/bin/python -m pytest -n 2 --dist loadgroup
+
+wheel: pyproject.toml  # the wheel works from another folder, in an environment of its own
+	rm -rf build/wheel && mkdir -p build/wheel
+	$(PYTHON) -m venv build/wheel/venv
+	build/wheel/venv/bin/python -m pip wheel --quiet --disable-pip-version-check --no-deps -w build/wheel .
+	build/wheel/venv/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt build/wheel/swayless-*.whl
+	cd build/wheel && venv/bin/rig doctor
+	cd build/wheel && venv/bin/rig run --virtual --no-report
+	cd build/wheel && { venv/bin/rig size --example appendix; test $$? = 3; }
+	cd build/wheel && venv/bin/rig compare 3.1
 
 check: $(READY)
 	$(BIN)/ruff format --check .

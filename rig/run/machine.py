@@ -22,14 +22,14 @@ MS = 1e-6  # of a nanosecond
 
 
 class Grade(enum.Enum):
-    """What runs on this machine."""
+    """Clock modes that a machine can keep."""
 
     REAL_TIME_FIFO = "real time, with real-time priority (SCHED_FIFO)"
     REAL_TIME = "real time, without real-time priority"
     VIRTUAL_ONLY = "virtual time only"
 
 
-class Lateness(NamedTuple):
+class TimerLateness(NamedTuple):
     """Lateness of a 5 ms timer [ms]."""
 
     median_ms: float
@@ -50,8 +50,8 @@ class MachineGrade(NamedTuple):
     """Grade of a machine with the measurement behind it."""
 
     grade: Grade
-    fifo: Lateness | None  # None where real-time priority is not allowed
-    ordinary: Lateness
+    fifo: TimerLateness | None  # None where real-time priority is not allowed
+    ordinary: TimerLateness
 
     @property
     def can_run_in_real_time(self) -> bool:
@@ -59,7 +59,7 @@ class MachineGrade(NamedTuple):
         return self.grade is not Grade.VIRTUAL_ONLY
 
     @property
-    def decisive(self) -> Lateness:
+    def decisive(self) -> TimerLateness:
         """The measurement that decided: with real-time priority where it is allowed."""
         return self.fifo or self.ordinary
 
@@ -103,14 +103,14 @@ def measure_machine(
     return grade_of(fifo, lateness_of(timer(PERIOD_NS, ticks - ticks // 2)))
 
 
-def lateness_of(lateness_ns: Sequence[int]) -> Lateness:
+def lateness_of(lateness_ns: Sequence[int]) -> TimerLateness:
     """Sum up the lateness of many ticks [ns]."""
     late_ms = np.asarray(lateness_ns, dtype=np.float64) * MS
     median, p99, worst = np.percentile(late_ms, [50, 99, 100])
-    return Lateness(float(median), float(p99), float(worst))
+    return TimerLateness(float(median), float(p99), float(worst))
 
 
-def grade_of(fifo: Lateness | None, ordinary: Lateness) -> MachineGrade:
+def grade_of(fifo: TimerLateness | None, ordinary: TimerLateness) -> MachineGrade:
     """Grade a machine by its timer: tasks take real-time priority where it is allowed."""
     if fifo is not None and fifo.is_kept:
         return MachineGrade(Grade.REAL_TIME_FIFO, fifo, ordinary)

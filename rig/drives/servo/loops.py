@@ -100,7 +100,7 @@ def oscillatory_pairs(poles_1_s: ComplexArray | FloatArray) -> tuple[PolePair, .
 
 
 def margins(opened: Any) -> Margins:
-    """Of L = P C with negative feedback; that the closed loop is stable is for its poles to say.
+    """Compute the margins of L = P C with negative feedback; the poles decide its stability.
 
     In time of the loop's fastest pole, and of a sampled loop along w = (2 / T)(z - 1) / (z + 1),
     which has its margins: the polynomials of nine poles near z = 1, or of powers of 1000 rad/s,

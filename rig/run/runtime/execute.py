@@ -71,7 +71,7 @@ def execute(job: Job, mode: ClockMode, folder: Path, progress: Progress) -> RunO
 
 
 class _Ended:
-    """What is known of a run when its log is closed."""
+    """State of a run at the close of its log."""
 
     def __init__(self) -> None:
         self.code = FAULT

@@ -33,7 +33,7 @@ class Measurement(Protocol):
         ...
 
 
-class JointTruth(Protocol):
+class SimulatedJointState(Protocol):
     """State of the simulated joint, for records, analysis and tests only."""
 
     @property
@@ -68,7 +68,7 @@ class JointPlant(Protocol):
         """Read the sensors."""
         ...
 
-    def truth(self) -> JointTruth:
+    def truth(self) -> SimulatedJointState:
         """Return the state of the simulation."""
         ...
 

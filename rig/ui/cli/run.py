@@ -30,7 +30,7 @@ from rig.ui.cli.run_announcement import announcement
 RUNS = Path("runs")
 
 
-class Clock(enum.Enum):
+class ClockChoice(enum.Enum):
     """Values of --clock."""
 
     REAL = "real"
@@ -52,7 +52,7 @@ def run(
         ),
     ] = False,
     clock: Annotated[
-        Clock | None,
+        ClockChoice | None,
         typer.Option(
             help="Clock of the run: real time, virtual time, or auto: real time where this machine "
             "keeps it (measured in 3 s), else virtual; real by default."
@@ -86,7 +86,7 @@ def run(
     if seed is not None:
         changes.append(f"experiment.seed={seed}")
     chosen = _experiments(name, changes, planner)
-    mode, may_fall_back = _mode(Clock.VIRTUAL if virtual else clock or Clock.REAL)
+    mode, may_fall_back = _mode(ClockChoice.VIRTUAL if virtual else clock or ClockChoice.REAL)
     summaries: list[Summary] = []
     for experiment_file in chosen:
         summaries.append(_run_one(experiment_file, mode, runs, as_json, report))
@@ -132,11 +132,11 @@ def _names(text: str | None) -> list[str]:
     return [word for word in words if word]
 
 
-def _mode(clock: Clock) -> tuple[ClockMode, bool]:
+def _mode(clock: ClockChoice) -> tuple[ClockMode, bool]:
     """Choose the mode of a run, and whether a starved run is repeated in virtual time."""
-    if clock is Clock.VIRTUAL:
+    if clock is ClockChoice.VIRTUAL:
         return "virtual", False
-    if clock is Clock.REAL:
+    if clock is ClockChoice.REAL:
         return "wall", False
     from rig.run.machine import measure_machine
 

@@ -14,7 +14,7 @@ from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command, get_group
 
 
-class Verb(NamedTuple):
+class VerbRow(NamedTuple):
     """A row of a verb table."""
 
     target: str  # "module:name" of a function, or of a typer.Typer with commands of its own
@@ -22,45 +22,51 @@ class Verb(NamedTuple):
 
 
 VERBS = {
-    "doctor": Verb("rig.ui.cli.doctor:doctor", "Check that this machine can run experiments."),
-    "plan": Verb("rig.ui.cli.plan:plan", "Plan one move and show its demands and predicted swing."),
-    "compare": Verb("rig.ui.cli.compare:compare", "Compare published tables with our figures."),
-    "run": Verb(
+    "doctor": VerbRow("rig.ui.cli.doctor:doctor", "Check that this machine can run experiments."),
+    "plan": VerbRow(
+        "rig.ui.cli.plan:plan", "Plan one move and show its demands and predicted swing."
+    ),
+    "compare": VerbRow("rig.ui.cli.compare:compare", "Compare published tables with our figures."),
+    "run": VerbRow(
         "rig.ui.cli.run:run", "Run an experiment: plan, move, watch, log, analyse, report."
     ),
-    "stop": Verb(
+    "stop": VerbRow(
         "rig.ui.cli.stop:stop", "Stop every running experiment: robot first, then the log."
     ),
-    "sim": Verb("rig.ui.cli.sim:sim", "Write a synthetic video with its truth."),
-    "track": Verb("rig.ui.cli.track:track", "Measure the cable angle in a video file."),
-    "analyze": Verb("rig.ui.cli.analyze:analyze", "Analyse a recorded run."),
-    "recover": Verb("rig.ui.cli.recover:recover_log", "Write a complete file from a damaged log."),
-    "export": Verb("rig.ui.cli.export:export", "Write one table for each channel of a log."),
-    "laws": Verb("rig.ui.cli.laws:app", "List, compare and draw motion laws."),
-    "spline": Verb("rig.ui.cli.spline:spline", "Plan a motion through the points of a file."),
-    "motor-check": Verb(
+    "sim": VerbRow("rig.ui.cli.sim:sim", "Write a synthetic video with its truth."),
+    "track": VerbRow("rig.ui.cli.track:track", "Measure the cable angle in a video file."),
+    "analyze": VerbRow("rig.ui.cli.analyze:analyze", "Analyse a recorded run."),
+    "recover": VerbRow(
+        "rig.ui.cli.recover:recover_log", "Write a complete file from a damaged log."
+    ),
+    "export": VerbRow("rig.ui.cli.export:export", "Write one table for each channel of a log."),
+    "laws": VerbRow("rig.ui.cli.laws:app", "List, compare and draw motion laws."),
+    "spline": VerbRow("rig.ui.cli.spline:spline", "Plan a motion through the points of a file."),
+    "motor-check": VerbRow(
         "rig.ui.cli.motor_check:motor_check",
         "Check peak torque, rms torque, speed and power of a motor.",
     ),
-    "size": Verb(
+    "size": VerbRow(
         "rig.ui.cli.size:size", "Size a ball-screw axis: every check with bound and margin."
     ),
-    "servo": Verb(
+    "servo": VerbRow(
         "rig.ui.cli.servo:app", "Compare and tune drive controllers of an elastic joint."
     ),
-    "calibrate": Verb("rig.ui.cli.calibrate:app", "Make the calibration files of the tracker."),
+    "calibrate": VerbRow("rig.ui.cli.calibrate:app", "Make the calibration files of the tracker."),
 }
 
 SERVO_VERBS = {
-    "compare": Verb("rig.ui.cli.servo_compare:compare", "Compare controllers on the same moves."),
-    "notch": Verb(
+    "compare": VerbRow(
+        "rig.ui.cli.servo_compare:compare", "Compare controllers on the same moves."
+    ),
+    "notch": VerbRow(
         "rig.ui.cli.servo_notch:notch", "Tune a notch filter inside or before the speed loop."
     ),
-    "observer": Verb(
+    "observer": VerbRow(
         "rig.ui.cli.servo_observer:observer",
         "Find the stable time constants of a disturbance observer.",
     ),
-    "shaping": Verb(
+    "shaping": VerbRow(
         "rig.ui.cli.servo_shaping:shaping", "Compare input shapers on an elastic joint."
     ),
 }
@@ -69,7 +75,7 @@ SERVO_VERBS = {
 class LazyGroup(TyperGroup):
     """Command group whose commands are imported when they are called; subclasses name the table."""
 
-    verbs: Mapping[str, Verb] = {}
+    verbs: Mapping[str, VerbRow] = {}
 
     def list_commands(self, ctx: Any) -> list[str]:
         """List the names of the verbs, in the order of the table."""
@@ -100,7 +106,7 @@ class ServoGroup(LazyGroup):
     verbs = SERVO_VERBS
 
 
-def load(name: str, verb: Verb) -> Any:
+def load(name: str, verb: VerbRow) -> Any:
     """Import a verb and make its command."""
     module, _, attribute = verb.target.partition(":")
     found = getattr(import_module(module), attribute)
