@@ -18,7 +18,8 @@ from rig.run import doctor, machine
 README = (Path(__file__).resolve().parents[1] / "README.md").read_text()
 TABLE_ROW = re.compile(r"^\| `rig ([^`]+)` \| (\d) \| (.*) \|$", re.MULTILINE)
 CODE_SPAN = re.compile(r"`rig ([^`]+)`")
-CODE_LINE = re.compile(r"^(?:\$ )?(?:\.venv/bin/)?rig (\S.*)$", re.MULTILINE)
+CODE_BLOCK = re.compile(r"^```\w*\n(.*?)^```", re.MULTILINE | re.DOTALL)
+CODE_LINE = re.compile(r"^(?:\$ )?(?:\.venv/bin/)?rig ([^#\n]*[^#\s])", re.MULTILINE)
 BRIEF = ("--set", "experiment.quiet_s=0.6", "--set", "experiment.watch_s=2.5")
 OUTPUT_OPTIONS = ("--plot", "--csv", "--video", "--truth")
 REQUEST_WAIT_MS = 10_000  # far beyond what a request on the loopback needs
@@ -37,7 +38,8 @@ def read_examples():
     found = {}
     for text, code, result in TABLE_ROW.findall(README):
         found[text] = Example(tuple(text.split()), int(code), "in real time" in result)
-    for text in [*CODE_SPAN.findall(README), *CODE_LINE.findall(README)]:
+    blocks = "".join(CODE_BLOCK.findall(README))
+    for text in [*CODE_SPAN.findall(README), *CODE_LINE.findall(blocks)]:
         found.setdefault(text, Example(tuple(text.split()), 0, False))
     return found
 
