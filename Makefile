@@ -1,4 +1,5 @@
-# make demo | test | check | bench | setup: each sets up what it needs and is quick the second time.
+# make setup | demo | test | check | format | bench: each sets up what it needs and is quick the second time.
+# make test-oldest: a second environment in .venv-oldest. make clean: removes both environments.
 PYTHON ?= python3.11
 VENV := .venv
 BIN := $(VENV)/bin
@@ -18,13 +19,15 @@ $(READY): pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
 	@touch $@
 
+# in real time where this machine keeps it, else in virtual time
 demo: $(READY)
 	$(BIN)/rig run move --clock auto
 
 test: $(READY)
 	$(THREADS) $(BIN)/python -m pytest -n 2 --dist loadgroup
 
-test-oldest: pyproject.toml constraints-oldest.txt  # the same tests with the oldest versions that are admitted
+# the same tests with the oldest versions that pyproject.toml admits
+test-oldest: pyproject.toml constraints-oldest.txt
 	$(PYTHON) -m venv $(OLDEST)
 	$(OLDEST)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints-oldest.txt -e '.[tests]'
 	$(THREADS) $(OLDEST)/bin/python -m pytest -n 2 --dist loadgroup
@@ -49,7 +52,8 @@ format: $(READY)
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
-bench: $(READY)  # make bench SHORT=--short: the same with few repeats, to show that it runs
+# SHORT=--short: few repeats, to check that the benchmarks run
+bench: $(READY)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[peers]'
 	$(THREADS) $(BIN)/python -m benchmarks.loop $(SHORT)
 	$(THREADS) $(BIN)/python -m benchmarks.planning $(SHORT)

@@ -19,6 +19,7 @@ PAGES = (
     "docs/wire.md",
     "docs/sources.md",
     "docs/glossary.md",
+    "docs/decisions/2026-11-29-the-house.md",
 )
 
 
