@@ -115,6 +115,16 @@ class SafetySection(Section, frozen=True, kw_only=True):
     initial_swing_rad: Annotated[float, Meta(ge=0, le=1.6)] = 0.01
 
 
+class ControllerSection(Section, frozen=True, kw_only=True):
+    """`[controller]`: interpolator policy.
+
+    bounded: setpoints keep the [safety] envelope whatever is lost; source: a gap in the references
+    is made good in one window of 30 ms, as in the source (simulated bench only).
+    """
+
+    policy: Literal["bounded", "source"] = "bounded"
+
+
 class CameraSection(Section, frozen=True, kw_only=True):
     """`[camera]`: size and rate of the pictures; rate_hz = 0 runs without a camera."""
 
@@ -167,6 +177,7 @@ class Experiment(Section, frozen=True, kw_only=True):
     plan: PlanSection = PlanSection()
     limits: LimitsSection = LimitsSection()
     safety: SafetySection = SafetySection()
+    controller: ControllerSection = ControllerSection()
     camera: CameraSection = CameraSection()
     vision: VisionSection = VisionSection()
     links: dict[str, LinkFaults] = {}

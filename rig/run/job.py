@@ -101,6 +101,7 @@ def prepare(
     """
     if plan is not None and plan.reasons:
         raise Refused(f"the plan exceeds [limits]: {'; '.join(plan.reasons)}")
+    _check_policy(experiment)
     links = planner_model(experiment).links_count
     if links != plant.links:
         raise Refused(
@@ -117,6 +118,8 @@ def prepare(
         "controller": ControllerSettings(
             reference_stale_ns=round(experiment.safety.reference_stale_ms * MS),
             robot_stale_ns=round(experiment.safety.robot_stale_ms * MS),
+            policy=experiment.controller.policy,
+            envelope=envelope,
         ),
         "vision": _vision_settings(experiment, calibration),
         "streamer": _streamer_settings(experiment, record, envelope),
@@ -128,6 +131,14 @@ def prepare(
         calibration=calibration,
         settings=settings,
     )
+
+
+def _check_policy(experiment: Experiment) -> None:
+    if experiment.controller.policy == "source" and experiment.bench.kind != "simulated":
+        raise Refused(
+            "[controller] policy = 'source' asks for more than the envelope after lost references; "
+            f"must be 'bounded' with [bench] kind = '{experiment.bench.kind}'"
+        )
 
 
 def _record(experiment: Experiment, plan: Plan | None, motion: Motion | None) -> PlanRecord:

@@ -18,7 +18,8 @@ from rig.run.config import Experiment
 
 SMALLEST = '[experiment]\nname = "mine"\n'
 SECTIONS = (
-    "experiment, move, model, plan, limits, safety, camera, vision, links, network, record, bench"
+    "experiment, move, model, plan, limits, safety, controller, camera, vision, links, "
+    "network, record, bench"
 )
 LINKS = "reference, setpoint, joint_state, robot_state, platform, frame, angle"
 
@@ -392,3 +393,10 @@ def outcome(override: str) -> Experiment | str:
         return config.read_experiment("dropouts", [override])
     except ConfigError as error:
         return str(error)
+
+
+def test_a_policy_that_does_not_exist_is_named() -> None:
+    said = said_of_override("controller.policy=hold")
+    assert "[controller]" in said
+    assert "policy" in said
+    assert "hold" in said

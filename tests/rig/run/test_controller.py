@@ -66,7 +66,8 @@ def setpoints(step: Step) -> list[Setpoint]:
 
 def after(*verbs: Verb) -> ControllerTask:
     """Controller with a joint state, after these orders at 600 ms, t_start."""
-    controller = ControllerTask(ControllerSettings(reference_stale_ns=STALE_NS))
+    settings = ControllerSettings(reference_stale_ns=STALE_NS, policy="source")
+    controller = ControllerTask(settings)
     controller.start(T_START_NS - TICK_NS)
     tell(controller, joints(T_START_NS), T_START_NS)
     for verb in verbs:

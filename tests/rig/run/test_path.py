@@ -144,11 +144,11 @@ def test_the_controller_turns_a_reference_into_six_even_setpoints():
     controller.on_message("joint_state", resting(0, 5 * MS, cls=JointState), 5 * MS)
     controller.on_message("command", order(Verb.ARM, "controller", 6 * MS), 6 * MS)
     controller.on_message("command", order(Verb.START, "controller", 7 * MS, 60 * MS), 7 * MS)
-    reference = Reference(seq=0, t_ns=50 * MS, t_target_ns=50 * MS, position_m=(0.006, 0.0, 0.0))
+    reference = Reference(seq=0, t_ns=50 * MS, t_target_ns=50 * MS, position_m=(0.003, 0.0, 0.0))
     controller.on_message("reference", reference, 50 * MS)
     steps = [controller.on_tick(t * MS) for t in range(60, 90, 5)]
     places = [setpoint.position_m[0] for step in steps for setpoint in sent(step, "setpoint")]
-    assert places == pytest.approx([0.001, 0.002, 0.003, 0.004, 0.005, 0.006])
+    assert places == pytest.approx([0.0005, 0.001, 0.0015, 0.002, 0.0025, 0.003])
     assert [len(sent(step, "platform")) for step in steps] == [1, 0, 1, 0, 1, 0]
 
 

@@ -1,20 +1,30 @@
-"""The 30 ms interpolation of the source.
+"""Interpolator policies: setpoints on the 5 ms grid from references, in linear windows of 30 ms.
 
-At the start of each 30 ms window the newest reference becomes the goal, reached in six equal steps.
-Without a newer reference goal and setpoint stay; a late reference is taken at the next window.
+`source`: the hold of the source. At the start of each window the newest reference becomes the
+goal, reached in six equal steps. Without a newer reference goal and setpoint stay; a late reference
+is taken at the next window, and the gap is made good in that one window.
+`bounded`: the same windows, whose end is limited so that the envelope holds (bounded.py).
 """
 
 from __future__ import annotations
 
-from comms.channels import MS
-from comms.messages import Position
+from collections.abc import Callable
+from typing import Protocol
 
-TICK_NS = 5 * MS
-TICKS = 6
-WINDOW_NS = TICKS * TICK_NS
+from comms.messages import Position, Reference
+from rig.run.tasks.controller.bounded import Bounded
+from rig.run.tasks.grid import TICK_NS, TICKS, WINDOW_NS
+from rig.run.tasks.safety import Envelope
 
 
-class Interpolator:
+class Interpolator(Protocol):
+    """Interpolator from window to window."""
+
+    def setpoint(self, t_ns: int, newest: Reference | None) -> Position:
+        """Compute the setpoint of the tick due at t_ns; newest: newest accepted reference."""
+
+
+class Source:
     """Linear interpolation from goal to goal on the tick grid of t_start_ns."""
 
     def __init__(self, t_start_ns: int, position_m: Position) -> None:
@@ -22,14 +32,14 @@ class Interpolator:
         self._window = -1
         self._last = self._goal = position_m
 
-    def setpoint(self, t_ns: int, newest: Position | None) -> Position:
+    def setpoint(self, t_ns: int, newest: Reference | None) -> Position:
         """Compute the setpoint of the tick due at t_ns; newest: newest accepted reference."""
         window, into_ns = divmod(t_ns - self._t_start_ns, WINDOW_NS)
         if window > self._window:
             self._window = window
             self._last = self._goal
             if newest is not None:
-                self._goal = newest
+                self._goal = newest.position_m
         share = (into_ns // TICK_NS + 1) / TICKS
         last, goal = self._last, self._goal
         return (
@@ -37,3 +47,15 @@ class Interpolator:
             last[1] + (goal[1] - last[1]) * share,
             last[2] + (goal[2] - last[2]) * share,
         )
+
+
+def _source(t_start_ns: int, position_m: Position, envelope: Envelope) -> Interpolator:
+    """Make the policy `source`, which knows no envelope."""
+    return Source(t_start_ns, position_m)
+
+
+# start of the first window, setpoint there, bounds
+POLICIES: dict[str, Callable[[int, Position, Envelope], Interpolator]] = {
+    "source": _source,
+    "bounded": Bounded,
+}

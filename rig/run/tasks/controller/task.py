@@ -10,18 +10,26 @@ from comms.replies import Replies
 from comms.task import NO_STEP, Send, Step
 from rig.errors import FAULT
 from rig.run.tasks.controller.communication import Communication
-from rig.run.tasks.controller.interpolator import TICK_NS, Interpolator
+from rig.run.tasks.controller.interpolator import POLICIES, Interpolator
 from rig.run.tasks.controller.phase import ORDERS, Trigger, next_phase, refusal
+from rig.run.tasks.grid import TICK_NS
 from rig.run.tasks.pause import PauseMeter
+from rig.run.tasks.safety import Envelope
 
 TICKS_PER_STATE = 2  # setpoints at 200 Hz, state at 100 Hz
+# of [safety] and [limits] without a key
+DEFAULT_ENVELOPE = Envelope(
+    position_min_m=-0.25, position_max_m=0.25, speed_m_s=1.1, acceleration_m_s2=5.5
+)
 
 
 class ControllerSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Longest gaps that the controller tolerates: of references, and of joint states."""
+    """Longest gaps of references and of joint states; interpolator policy and its bounds."""
 
     reference_stale_ns: int
     robot_stale_ns: int = 100 * MS
+    policy: str = "bounded"  # of POLICIES
+    envelope: Envelope = DEFAULT_ENVELOPE
 
 
 class ControllerTask:
@@ -30,6 +38,7 @@ class ControllerTask:
     name = "controller"
 
     def __init__(self, settings: ControllerSettings) -> None:
+        self._settings = settings
         self._reference_stale_ns = settings.reference_stale_ns
         self._robot_stale_ns = settings.robot_stale_ns
         self._phase = Phase.IDLE
@@ -79,8 +88,7 @@ class ControllerTask:
         if self._setpoint is None:
             return ()
         if self._phase is Phase.RUNNING and self._interpolator and grid_ns >= self._t_start_ns:
-            newest = self._io.reference.position_m if self._io.reference else None
-            self._setpoint = self._interpolator.setpoint(grid_ns, newest)
+            self._setpoint = self._interpolator.setpoint(grid_ns, self._io.reference)
         message = Setpoint(seq=self._seq, t_ns=t_ns, position_m=self._setpoint)
         self._seq += 1
         return (Send("setpoint", message, t_ns),)
@@ -117,7 +125,8 @@ class ControllerTask:
             self._setpoint = self._io.joints.position_m  # bumpless: the goal is the actual position
         if order.verb is Verb.START and self._setpoint is not None:
             self._t_start_ns = order.t_start_ns
-            self._interpolator = Interpolator(order.t_start_ns, self._setpoint)
+            policy = POLICIES[self._settings.policy]
+            self._interpolator = policy(order.t_start_ns, self._setpoint, self._settings.envelope)
         return Step((self._replies.answer(order, self._phase, t_ns),))
 
     def _refusal(self, order: Command, t_ns: int) -> str | None:
