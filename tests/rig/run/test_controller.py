@@ -23,11 +23,20 @@ from comms.messages import (
 )
 from comms.task import NO_STEP, Step
 from rig.run.tasks.controller.task import ControllerSettings, ControllerTask, build
+from rig.run.tasks.safety import Envelope
 
 MS = 1_000_000
 TICK_NS = 5 * MS
 T_START_NS = 600 * MS
 STALE_NS = 300 * MS
+NO_BOUNDS = Envelope(
+    position_min_m=-10,
+    position_max_m=10,
+    depth_m=10,
+    height_m=10,
+    speed_m_s=1e3,
+    acceleration_m_s2=1e6,
+)
 PARKED = (0.05, 0.01, -0.02)
 
 
@@ -66,7 +75,7 @@ def setpoints(step: Step) -> list[Setpoint]:
 
 def after(*verbs: Verb) -> ControllerTask:
     """Controller with a joint state, after these orders at 600 ms, t_start."""
-    settings = ControllerSettings(reference_stale_ns=STALE_NS, policy="source")
+    settings = ControllerSettings(reference_stale_ns=STALE_NS, policy="source", envelope=NO_BOUNDS)
     controller = ControllerTask(settings)
     controller.start(T_START_NS - TICK_NS)
     tell(controller, joints(T_START_NS), T_START_NS)

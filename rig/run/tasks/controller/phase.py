@@ -16,6 +16,7 @@ class Trigger(enum.Enum):
     ESTOP = "estop"
     REFERENCE_STALE = "reference_stale"  # no reference from the streamer
     ROBOT_STALE = "robot_stale"  # no joint state from the encoders
+    ENVELOPE_LEFT = "envelope_left"  # a setpoint beyond the bounds of [safety]
 
 
 ORDERS = {
@@ -38,6 +39,7 @@ _NEXT: dict[tuple[Phase, Trigger], Phase] = {
     (Phase.RUNNING, Trigger.REFERENCE_STALE): Phase.STOPPED,
     (Phase.ARMED, Trigger.ROBOT_STALE): Phase.FAULT,
     (Phase.RUNNING, Trigger.ROBOT_STALE): Phase.FAULT,
+    (Phase.RUNNING, Trigger.ENVELOPE_LEFT): Phase.FAULT,
 }
 
 

@@ -12,11 +12,13 @@ from rig.errors import FAULT
 from rig.run.tasks.controller.communication import Communication
 from rig.run.tasks.controller.interpolator import POLICIES, Interpolator
 from rig.run.tasks.controller.phase import ORDERS, Trigger, next_phase, refusal
+from rig.run.tasks.controller.setpoint_gate import SetpointGate
 from rig.run.tasks.grid import TICK_NS
 from rig.run.tasks.pause import PauseMeter
 from rig.run.tasks.safety import Envelope
 
 TICKS_PER_STATE = 2  # setpoints at 200 Hz, state at 100 Hz
+COUNTING_POLICY = "source"  # setpoints outside the envelope are counted, they do not stop the robot
 # of [safety] and [limits] without a key
 DEFAULT_ENVELOPE = Envelope(
     position_min_m=-0.25, position_max_m=0.25, speed_m_s=1.1, acceleration_m_s2=5.5
@@ -44,6 +46,7 @@ class ControllerTask:
         self._phase = Phase.IDLE
         self._io = Communication()
         self._interpolator: Interpolator | None = None
+        self._gate: SetpointGate | None = None
         self._t_start_ns = 0
         self._setpoint: Position | None = None
         self._seq = 0
@@ -87,11 +90,26 @@ class ControllerTask:
     def _next_setpoint(self, grid_ns: int, t_ns: int) -> tuple[Send, ...]:
         if self._setpoint is None:
             return ()
-        if self._phase is Phase.RUNNING and self._interpolator and grid_ns >= self._t_start_ns:
-            self._setpoint = self._interpolator.setpoint(grid_ns, self._io.reference)
+        reports = self._advance(grid_ns, t_ns)
         message = Setpoint(seq=self._seq, t_ns=t_ns, position_m=self._setpoint)
         self._seq += 1
-        return (Send("setpoint", message, t_ns),)
+        return (Send("setpoint", message, t_ns), *reports)
+
+    def _advance(self, grid_ns: int, t_ns: int) -> tuple[Send, ...]:
+        """Take the next setpoint of the interpolator through the gate."""
+        is_moving = self._phase is Phase.RUNNING and grid_ns >= self._t_start_ns
+        if not is_moving or self._interpolator is None or self._gate is None:
+            return ()
+        position = self._interpolator.setpoint(grid_ns, self._io.reference)
+        excess = self._gate.excess(grid_ns // TICK_NS, position)
+        if excess is not None and self._settings.policy != COUNTING_POLICY:
+            text = f"setpoint gate: {excess}; the robot holds{self._pause.note}"
+            return self._fail(Trigger.ENVELOPE_LEFT, text, t_ns)
+        self._setpoint = position
+        if excess is None or self._gate.excesses > 1:
+            return ()
+        text = f"setpoints leave the envelope, policy '{COUNTING_POLICY}' goes on: {excess}"
+        return (self._replies.tell(self._phase, t_ns, text),)
 
     def _check_ages(self, t_ns: int) -> tuple[Send, ...]:
         """Stop when joint states or references have not arrived for too long."""
@@ -126,7 +144,10 @@ class ControllerTask:
         if order.verb is Verb.START and self._setpoint is not None:
             self._t_start_ns = order.t_start_ns
             policy = POLICIES[self._settings.policy]
-            self._interpolator = policy(order.t_start_ns, self._setpoint, self._settings.envelope)
+            envelope = self._settings.envelope
+            self._interpolator = policy(order.t_start_ns, self._setpoint, envelope)
+            first_tick = order.t_start_ns // TICK_NS
+            self._gate = SetpointGate(envelope, first_tick - 1, self._setpoint)
         return Step((self._replies.answer(order, self._phase, t_ns),))
 
     def _refusal(self, order: Command, t_ns: int) -> str | None:
