@@ -12,6 +12,7 @@ import msgspec
 from msgspec import Meta
 
 from comms.messages import Position
+from sim_rig.input_check import InputBounds
 
 
 class PendulumParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -73,6 +74,7 @@ class BenchParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     view: View = View()
     home_m: Position = (0.0, 0.0, 0.0)  # home position, before the camera
     seed: Annotated[int, Meta(ge=0)] = 0  # of the image noise
+    input: InputBounds | None = None  # bounds on setpoints; None = no check
 
     @property
     def start_m(self) -> Position:

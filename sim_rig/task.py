@@ -22,6 +22,7 @@ from comms.messages import (
 from comms.replies import Replies
 from comms.task import NO_STEP, Send, Step
 from sim_rig.bench import Bench
+from sim_rig.input_check import InputCheck
 from sim_rig.params import BenchParams
 from sim_rig.shutter import Exposure, Shutter
 
@@ -32,6 +33,7 @@ TRUTH_NS = 10 * MS  # a multiple of TICK_NS
 # longest simulated time in one call, to bound the number of frames; the next wake is immediate
 MAX_CATCH_UP_NS = 250 * MS
 NEVER_NS = 2**63
+FAULT_CODE = 5  # exit code of a run in which the robot stopped by itself
 
 
 class BenchTask:
@@ -55,6 +57,7 @@ class BenchTask:
         self._setpoints: deque[tuple[int, Position]] = deque()
         self._setpoint_m = params.start_m
         self._phase = Phase.IDLE
+        self._check = InputCheck(params.input, params.start_m) if params.input else None
         self._sent: Counter[str] = Counter()
         self._replies = Replies(self.name)
 
@@ -69,17 +72,11 @@ class BenchTask:
     def on_message(self, channel: str, message: Message, t_ns: int) -> Step:
         """Process a setpoint or a command.
 
-        A setpoint takes effect at the next sample of the drives. Stop is acknowledged; the
-        simulation keeps integrating.
+        A setpoint takes effect at the next sample of the drives; one outside the bounds of the
+        input stops the robot. Stop is acknowledged; the simulation keeps integrating.
         """
         if isinstance(message, Setpoint):
-            self._phase = Phase.RUNNING
-            if message.position_m == self._setpoint_m:  # unchanged: no stop of the integration
-                return NO_STEP
-            self._setpoint_m = message.position_m
-            effective_ns = t_ns - t_ns % DRIVE_SAMPLE_NS + DRIVE_SAMPLE_NS
-            self._setpoints.append((effective_ns, message.position_m))
-            return NO_STEP
+            return self._take_setpoint(message, t_ns)
         if isinstance(message, Command):
             text = f"{self.late_ticks} late ticks"
             return Step([self._replies.answer(message, self._phase, t_ns, text)])
@@ -120,6 +117,23 @@ class BenchTask:
             sends.append(Send("joint_state", reading, t_ns))
         wake_ns = min(self._tick_ns, shutter.closes_ns) if shutter else self._tick_ns
         return Step(sends, max(wake_ns, t_ns))
+
+    def _take_setpoint(self, message: Setpoint, t_ns: int) -> Step:
+        """Queue a setpoint; stop at the one before where it is outside the bounds."""
+        if self._phase is Phase.FAULT:
+            return NO_STEP
+        self._phase = Phase.RUNNING
+        if self._check is not None:
+            excess = self._check.excess(message.seq, message.t_ns, message.position_m)
+            if excess is not None and self._check.stops:
+                self._phase = Phase.FAULT
+                text = f"setpoint outside the envelope: {excess}; the robot stopped by itself"
+                return Step([self._replies.give_up(self._phase, t_ns, text, FAULT_CODE)])
+        if message.position_m != self._setpoint_m:  # unchanged: no stop of the integration
+            self._setpoint_m = message.position_m
+            effective_ns = t_ns - t_ns % DRIVE_SAMPLE_NS + DRIVE_SAMPLE_NS
+            self._setpoints.append((effective_ns, message.position_m))
+        return NO_STEP
 
     def stop(self, t_ns: int) -> Step:
         """Do nothing; no shutdown action."""

@@ -110,7 +110,7 @@ def prepare(
             "show the plan with `rig plan --links`, or model the load as a cable (length_m)"
         )
     record = _record(experiment, plan, motion or (plan.motion if plan else None))
-    envelope = _envelope(experiment)
+    envelope = safety_envelope(experiment)
     _check_envelope(record, envelope)
     name, calibration = calibration_file.find(experiment)
     settings: dict[str, Any] = {
@@ -169,7 +169,8 @@ def _metrics(plan: Plan | None) -> dict[str, float | bool] | None:
     return asdict(plan.metrics)
 
 
-def _envelope(experiment: Experiment) -> Envelope:
+def safety_envelope(experiment: Experiment) -> Envelope:
+    """Compose the envelope of [safety]; raises ConfigError for an empty range."""
     s = experiment.safety
     limits = experiment.limits
     if s.position_min_m >= s.position_max_m:

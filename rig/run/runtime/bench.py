@@ -12,8 +12,10 @@ import msgspec
 from comms.task import Task
 from rig.errors import ConfigError, Refused
 from rig.run.config import Experiment
-from rig.run.job import Plant
+from rig.run.job import Plant, safety_envelope
+from rig.run.tasks.controller.task import COUNTING_POLICY
 from rig.run.toml_file import convert
+from sim_rig.input_check import InputBounds
 from sim_rig.params import BenchParams, CameraParams, PendulumParams, RobotParams, View
 from sim_rig.task import BenchTask
 
@@ -42,7 +44,19 @@ def params(experiment: Experiment) -> BenchParams:
 
 def plant(experiment: Experiment) -> Plant:
     """Describe the plant for the checks before a run. Raises ConfigError as params() does."""
-    return Plant(params(experiment), LINKS)
+    settings = msgspec.structs.replace(params(experiment), input=_input_bounds(experiment))
+    return Plant(settings, LINKS)
+
+
+def _input_bounds(experiment: Experiment) -> InputBounds:
+    envelope = safety_envelope(experiment)
+    return InputBounds(
+        lower_m=(envelope.position_min_m, -envelope.depth_m, -envelope.height_m),
+        upper_m=(envelope.position_max_m, envelope.depth_m, envelope.height_m),
+        speed_m_s=envelope.speed_m_s,
+        acceleration_m_s2=envelope.acceleration_m_s2,
+        stops=experiment.controller.policy != COUNTING_POLICY,
+    )
 
 
 def task(settings: Any) -> Task:
