@@ -111,6 +111,10 @@ class SafetySection(Section, frozen=True, kw_only=True):
     reference_stale_ms: Annotated[float, Meta(ge=30, le=60_000)] = 300.0
     robot_stale_ms: Annotated[float, Meta(ge=20, le=60_000)] = 100.0
     angle_stale_ms: Annotated[float, Meta(ge=100, le=60_000)] = 300.0
+    # encoders against the setpoint servo_lag_ms before: largest distance, and for how long at most
+    servo_lag_ms: Annotated[float, Meta(ge=0, le=1000)] = 20.0
+    following_error_mm: Annotated[float, Meta(gt=0, le=10_000)] = 20.0
+    following_error_ms: Annotated[float, Meta(ge=0, le=60_000)] = 50.0
     # largest amplitude of the load before the move; a run with more is refused
     initial_swing_rad: Annotated[float, Meta(ge=0, le=1.6)] = 0.01
 

@@ -115,12 +115,7 @@ def prepare(
     name, calibration = calibration_file.find(experiment)
     settings: dict[str, Any] = {
         "bench": plant.settings,
-        "controller": ControllerSettings(
-            reference_stale_ns=round(experiment.safety.reference_stale_ms * MS),
-            robot_stale_ns=round(experiment.safety.robot_stale_ms * MS),
-            policy=experiment.controller.policy,
-            envelope=envelope,
-        ),
+        "controller": _controller_settings(experiment, envelope),
         "vision": _vision_settings(experiment, calibration),
         "streamer": _streamer_settings(experiment, record, envelope),
     }
@@ -198,6 +193,19 @@ def _check_envelope(record: PlanRecord, envelope: Envelope) -> None:
                 f"the plan leaves the [safety] envelope {at_s:.2f} s into the move: {refusal}; "
                 "shorten or slow it"
             )
+
+
+def _controller_settings(experiment: Experiment, envelope: Envelope) -> ControllerSettings:
+    s = experiment.safety
+    return ControllerSettings(
+        reference_stale_ns=round(s.reference_stale_ms * MS),
+        robot_stale_ns=round(s.robot_stale_ms * MS),
+        policy=experiment.controller.policy,
+        envelope=envelope,
+        servo_lag_ns=round(s.servo_lag_ms * MS),
+        following_error_m=s.following_error_mm * 1e-3,
+        following_error_ns=round(s.following_error_ms * MS),
+    )
 
 
 def _vision_settings(

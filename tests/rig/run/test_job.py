@@ -6,7 +6,7 @@ import pytest
 
 from rig.errors import Refused
 from rig.run.config import read_experiment
-from rig.run.job import Plant, prepare
+from rig.run.job import Plant, plan_move, prepare
 from rig.run.runtime import bench
 
 
@@ -28,3 +28,18 @@ def test_the_plant_is_given_the_envelope_of_the_experiment() -> None:
 def test_with_the_policy_source_the_plant_counts_and_does_not_stop() -> None:
     chosen = read_experiment("move", ["controller.policy=source"])
     assert not bench.plant(chosen).settings.input.stops
+
+
+def test_the_controller_is_given_policy_and_following_error_of_the_experiment() -> None:
+    changes = [
+        "controller.policy=source",
+        "safety.servo_lag_ms=12",
+        "safety.following_error_mm=7",
+        "safety.following_error_ms=90",
+    ]
+    chosen = read_experiment("move", changes)
+    settings = prepare(chosen, plan_move(chosen), bench.plant(chosen)).settings["controller"]
+    assert settings.policy == "source"
+    assert settings.servo_lag_ns == 12_000_000
+    assert settings.following_error_m == pytest.approx(0.007)
+    assert settings.following_error_ns == 90_000_000

@@ -10,12 +10,12 @@ from comms.messages import Phase, Verb
 from rig.run.tasks.controller.phase import ORDERS, Trigger, next_phase, refusal
 
 TABLE = """
-            arm      start    stop     estop  reference_stale  robot_stale  envelope_left
-  idle      armed    idle     stopped  fault  idle             idle         idle
-  armed     armed    running  stopped  fault  armed            fault        armed
-  running   running  running  stopped  fault  stopped          fault        fault
-  stopped   stopped  stopped  stopped  fault  stopped          stopped      stopped
-  fault     fault    fault    fault    fault  fault            fault        fault
+          arm     start   stop    estop reference_stale robot_stale envelope_left not_following
+  idle    armed   idle    stopped fault idle            idle        idle          idle
+  armed   armed   running stopped fault armed           fault       armed         fault
+  running running running stopped fault stopped         fault       fault         fault
+  stopped stopped stopped stopped fault stopped         stopped     stopped       stopped
+  fault   fault   fault   fault   fault fault           fault       fault         fault
 """
 TRIGGERS, *ROWS = [line.split() for line in TABLE.strip().splitlines()]
 TRANSITIONS = [

@@ -104,10 +104,10 @@ def test_after_a_pause_of_a_window_the_robot_starts_from_rest() -> None:
 # in the controller
 
 
-def controller(policy: str) -> ControllerTask:
+def controller(policy: str, envelope: Envelope = ENVELOPE) -> ControllerTask:
     """Controller that was armed and started at home."""
     task = ControllerTask(
-        ControllerSettings(reference_stale_ns=300 * MS, policy=policy, envelope=ENVELOPE)
+        ControllerSettings(reference_stale_ns=300 * MS, policy=policy, envelope=envelope)
     )
     task.start(T_START_NS - TICK_NS)
     tell_joints(task, T_START_NS)
@@ -117,25 +117,33 @@ def controller(policy: str) -> ControllerTask:
     return task
 
 
-def tell_joints(task: ControllerTask, t_ns: int) -> None:
-    """Joint state at home."""
-    joints = JointState(seq=0, t_ns=t_ns, position_m=HOME, velocity_m_s=HOME)
+def tell_joints(task: ControllerTask, t_ns: int, position_m: Position = HOME) -> None:
+    """Joint state at a position."""
+    joints = JointState(seq=0, t_ns=t_ns, position_m=position_m, velocity_m_s=HOME)
     task.on_message("joint_state", joints, t_ns)
 
 
 def play(task: ControllerTask, goals: list[float]) -> tuple[list[float], list[Reply]]:
     """X of the setpoints and the reports, with one goal for each window."""
     steps: list[Step] = []
+    actual = HOME  # the robot follows at once
     for tick in range(6 * len(goals)):
         t_ns = T_START_NS + tick * TICK_NS
-        tell_joints(task, t_ns)
+        tell_joints(task, t_ns, actual)
         place = (goals[tick // 6], 0.0, 0.0)
         reference = Reference(seq=tick, t_ns=t_ns, t_target_ns=t_ns, position_m=place)
         task.on_message("reference", reference, t_ns)
         steps.append(task.on_tick(t_ns))
+        actual = setpoints(steps[-1:])[-1]
     messages = [send.message for step in steps for send in step.sends]
-    places = [m.position_m[0] for m in messages if isinstance(m, Setpoint)]
+    places = [position[0] for position in setpoints(steps)]
     return places, [m for m in messages if isinstance(m, Reply)]
+
+
+def setpoints(steps: list[Step]) -> list[Position]:
+    """Setpoints of all steps [m]."""
+    messages = [send.message for step in steps for send in step.sends]
+    return [m.position_m for m in messages if isinstance(m, Setpoint)]
 
 
 def test_source_counts_what_leaves_the_envelope_says_it_once_and_goes_on() -> None:
@@ -170,7 +178,5 @@ def test_a_setpoint_outside_the_place_bounds_is_a_fault_with_the_figure() -> Non
 @given(st.lists(st.floats(-0.15, 0.15), min_size=1, max_size=30))
 def test_the_gate_of_a_bounded_controller_never_trips(goals: list[float]) -> None:
     bounds = msgspec.structs.replace(ENVELOPE, position_min_m=-1.0, position_max_m=1.0)
-    task = ControllerTask(ControllerSettings(reference_stale_ns=300 * MS, envelope=bounds))
-    task.start(T_START_NS - TICK_NS)
-    _, reports = play(task, goals)
+    _, reports = play(controller("bounded", bounds), goals)
     assert reports == []

@@ -17,6 +17,7 @@ class Trigger(enum.Enum):
     REFERENCE_STALE = "reference_stale"  # no reference from the streamer
     ROBOT_STALE = "robot_stale"  # no joint state from the encoders
     ENVELOPE_LEFT = "envelope_left"  # a setpoint beyond the bounds of [safety]
+    NOT_FOLLOWING = "not_following"  # the encoders are far from the setpoint
 
 
 ORDERS = {
@@ -40,6 +41,8 @@ _NEXT: dict[tuple[Phase, Trigger], Phase] = {
     (Phase.ARMED, Trigger.ROBOT_STALE): Phase.FAULT,
     (Phase.RUNNING, Trigger.ROBOT_STALE): Phase.FAULT,
     (Phase.RUNNING, Trigger.ENVELOPE_LEFT): Phase.FAULT,
+    (Phase.ARMED, Trigger.NOT_FOLLOWING): Phase.FAULT,
+    (Phase.RUNNING, Trigger.NOT_FOLLOWING): Phase.FAULT,
 }
 
 

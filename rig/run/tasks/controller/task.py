@@ -10,6 +10,7 @@ from comms.replies import Replies
 from comms.task import NO_STEP, Send, Step
 from rig.errors import FAULT
 from rig.run.tasks.controller.communication import Communication
+from rig.run.tasks.controller.following import FollowingWatch
 from rig.run.tasks.controller.interpolator import POLICIES, Interpolator
 from rig.run.tasks.controller.phase import ORDERS, Trigger, next_phase, refusal
 from rig.run.tasks.controller.setpoint_gate import SetpointGate
@@ -32,6 +33,9 @@ class ControllerSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
     robot_stale_ns: int = 100 * MS
     policy: str = "bounded"  # of POLICIES
     envelope: Envelope = DEFAULT_ENVELOPE
+    servo_lag_ns: int = 20 * MS
+    following_error_m: float = 0.02  # largest one, for longer than following_error_ns
+    following_error_ns: int = 50 * MS
 
 
 class ControllerTask:
@@ -47,6 +51,9 @@ class ControllerTask:
         self._io = Communication()
         self._interpolator: Interpolator | None = None
         self._gate: SetpointGate | None = None
+        self._following = FollowingWatch(
+            settings.servo_lag_ns, settings.following_error_m, settings.following_error_ns
+        )
         self._t_start_ns = 0
         self._setpoint: Position | None = None
         self._seq = 0
@@ -66,6 +73,7 @@ class ControllerTask:
             self._io.take_reference(message, t_ns)
         elif isinstance(message, JointState):
             self._io.take_joints(message, t_ns)
+            self._following.take_joints(message)
         elif isinstance(message, Command):
             return self._handle_order(message, t_ns)
         return NO_STEP
@@ -76,7 +84,7 @@ class ControllerTask:
         self.late_ticks += tick - self._tick
         self._tick = tick + 1
         self._pause.tick(t_ns)
-        faults = self._check_ages(t_ns)
+        faults = self._check_ages(t_ns) or self._check_following(t_ns)
         sends = (*self._next_setpoint(tick * TICK_NS, t_ns), *faults)
         if tick % TICKS_PER_STATE == 0:
             sends += self._io.state(self._commanded(), self._phase, t_ns)
@@ -93,6 +101,7 @@ class ControllerTask:
         reports = self._advance(grid_ns, t_ns)
         message = Setpoint(seq=self._seq, t_ns=t_ns, position_m=self._setpoint)
         self._seq += 1
+        self._following.add_setpoint(t_ns, self._setpoint)
         return (Send("setpoint", message, t_ns), *reports)
 
     def _advance(self, grid_ns: int, t_ns: int) -> tuple[Send, ...]:
@@ -128,6 +137,14 @@ class ControllerTask:
             text = f"no reference for {age_ns / MS:.0f} ms; {bound}; the robot holds: {cause}"
             return self._fail(Trigger.REFERENCE_STALE, text, t_ns)
         return ()
+
+    def _check_following(self, t_ns: int) -> tuple[Send, ...]:
+        """Stop when the encoders are too far from the delayed setpoint for too long."""
+        fault = self._following.fault(self._io.joints)
+        if fault is None or self._phase not in (Phase.ARMED, Phase.RUNNING):
+            return ()
+        text = f"{fault}; the robot holds: look for a blocked axis or a second sender of setpoints"
+        return self._fail(Trigger.NOT_FOLLOWING, text, t_ns)
 
     def _fail(self, trigger: Trigger, text: str, t_ns: int) -> tuple[Send, ...]:
         self._phase = next_phase(self._phase, trigger)
