@@ -13,6 +13,7 @@ from comms.records import LinkRow
 from rig.analysis import delays, quantities, verdict
 from rig.analysis.identify.decay import DecayFit, fit_decay
 from rig.analysis.identify.errors import AnalysisError
+from rig.analysis.motion import motion_peaks
 from rig.analysis.run_log import RunLog
 from rig.analysis.summary import LinkSummary, Summary
 
@@ -73,6 +74,7 @@ def _summary(run: RunLog, fit: DecayFit | None) -> Summary:
         initial_swing_rad=quantities.initial_swing(run),
         swing_error=quantities.swing_error(run),
         lateness=delays.lateness(run),
+        motion=motion_peaks(run),
         frames=len(angles),
         angles_valid=sum(a.valid for a in angles),
         refusals=dict(Counter(a.reason.value for a in angles if not a.valid)),

@@ -6,6 +6,7 @@ as long as it has these keys.
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,22 @@ class RunFacts(msgspec.Struct, frozen=True, kw_only=True):
     gravity_m_s2: float  # of [model]
     cable_length_m: float  # of [model]; 1 m where the load is a chain
     reference_delay_ms: float  # largest delay that the link fault model adds to a reference
+
+
+class EnvelopeFacts(msgspec.Struct, frozen=True):
+    """Bounds on the motion; infinite where the log has none."""
+
+    speed_m_s: float = math.inf
+    acceleration_m_s2: float = math.inf
+
+
+class ControllerFacts(msgspec.Struct, frozen=True):
+    """Keys of `controller.json` that the analysis uses; older logs have no such file."""
+
+    policy: str = ""
+    envelope: EnvelopeFacts = EnvelopeFacts()
+    servo_lag_ns: int = 20_000_000
+    following_error_m: float = math.inf
 
 
 def read_facts(data: bytes, path: Path) -> RunFacts:

@@ -20,7 +20,7 @@ from comms.mcap_log import Log, read_log
 from comms.messages import AngleSample, Command, Reference, RobotState, Truth, Verb
 from comms.plan_record import PlanRecord
 from comms.records import CompressedImage, Event, FrameStamp, LinkRow, Receipts, TaskTiming
-from rig.analysis.facts import RunFacts, read_facts
+from rig.analysis.facts import ControllerFacts, RunFacts, read_facts
 
 FloatArray = npt.NDArray[np.float64]
 SETTLE_S = 0.30  # after the planned end; the platform lags the plan by about 60 ms
@@ -43,7 +43,7 @@ class RunLog:
                     "the log was truncated before it, run again"
                 )
         try:
-            _ = run.facts, run.plan, run.plant_params
+            _ = run.facts, run.plan, run.plant_params, run.controller
         except msgspec.MsgspecError as error:
             raise LogError(
                 f"{path}: an attachment cannot be read ({error}): damaged, or of another version"
@@ -71,6 +71,12 @@ class RunLog:
         data = self.log.attachments.get("bench.json", b"{}")
         params: dict[str, Any] = msgspec.json.decode(data)
         return params
+
+    @cached_property
+    def controller(self) -> ControllerFacts:
+        """Settings of the controller that the analysis needs."""
+        data = self.log.attachments.get("controller.json", b"{}")
+        return msgspec.json.decode(data, type=ControllerFacts)
 
     @cached_property
     def t_start_s(self) -> float | None:

@@ -83,6 +83,50 @@ class Lateness(msgspec.Struct, kw_only=True):
     late_ticks: dict[str, int] = {}
 
 
+class MotionPeaks(msgspec.Struct, kw_only=True):
+    """Peaks of what was asked of the robot and of what it reached, and the bounds on them.
+
+    Accelerations are changes of speed over 30 ms. None = not in the log.
+    """
+
+    policy: str | None = None  # of the interpolator
+    asked_speed_m_s: float | None = None
+    reached_speed_m_s: float | None = None
+    speed_bound_m_s: float | None = None
+    asked_acceleration_m_s2: float | None = None
+    reached_acceleration_m_s2: float | None = None
+    acceleration_bound_m_s2: float | None = None
+    following_error_m: float | None = None  # of the robot behind the setpoint of the servo lag ago
+    following_error_bound_m: float | None = None
+    setpoints_outside: int = 0  # beyond a bound of speed or acceleration
+
+    @property
+    def asked_text(self) -> str:
+        """Peaks asked beside their bounds."""
+        speed = _beside(self.asked_speed_m_s, self.speed_bound_m_s)
+        acceleration = _beside(self.asked_acceleration_m_s2, self.acceleration_bound_m_s2)
+        return f"asked {speed} m/s, {acceleration} m/s2"
+
+    @property
+    def text(self) -> str:
+        """Peaks asked and reached beside their bounds, in one line."""
+        speed = _beside(self.reached_speed_m_s, self.speed_bound_m_s)
+        acceleration = _beside(self.reached_acceleration_m_s2, self.acceleration_bound_m_s2)
+        error = _beside(_mm(self.following_error_m), _mm(self.following_error_bound_m))
+        reached = f"reached {speed} m/s, {acceleration} m/s2"
+        return f"{self.asked_text}; {reached}; following error {error} mm"
+
+
+def _mm(value_m: float | None) -> float | None:
+    return None if value_m is None else value_m * 1e3
+
+
+def _beside(value: float | None, bound: float | None) -> str:
+    """Format a peak with its bound, where there is one."""
+    shown = "-" if value is None else f"{value:.2f}"
+    return shown if bound is None else f"{shown} of {bound:.2f}"
+
+
 class LinkSummary(msgspec.Struct, kw_only=True):
     """Row of the ledger: sent = delivered + lost + rejected + unexplained."""
 
@@ -122,6 +166,7 @@ class Summary(msgspec.Struct, kw_only=True):
     initial_swing_rad: float | None = None
     swing_error: SwingError = msgspec.field(default_factory=SwingError)
     lateness: Lateness = msgspec.field(default_factory=Lateness)
+    motion: MotionPeaks = msgspec.field(default_factory=MotionPeaks)
     frames: int = 0
     angles_valid: int = 0
     refusals: dict[str, int] = {}  # frames without an angle, by reason

@@ -59,6 +59,12 @@ def _doubts(summary: Summary, run: RunLog) -> list[str]:
             f"{summary.angles_valid} of {summary.frames} frames gave an angle ({reasons}); "
             f"must be >= {MIN_VALID_SHARE:.0%}"
         )
+    motion = summary.motion
+    if motion.setpoints_outside:
+        doubts.append(
+            f"{motion.setpoints_outside} setpoints left the [safety] envelope "
+            f"(policy {motion.policy}): {motion.asked_text}"
+        )
     doubts += [f"no count from {end}: its packets cannot be balanced" for end in run.uncounted]
     late = summary.lateness
     too_late = late.references_late > MAX_LATE_SHARE * late.references

@@ -50,6 +50,7 @@ class Job(msgspec.Struct, frozen=True, kw_only=True):
             "experiment.json": encode(self.experiment),
             "plan.json": encode(self.plan),
             "bench.json": encode(self.settings["bench"]),
+            "controller.json": encode(self.settings["controller"]),
             "vision.json": encode(self.settings["vision"]),
             "calibration.toml": calibration,
         }

@@ -128,6 +128,7 @@ def _status_lines(s: Summary) -> list[str]:
         _latency_line(s),
         _reference_line(s),
         f"vision: {s.angles_valid} of {s.frames} frames with an angle",
+        f"robot: {s.motion.text}",
     ]
     if s.cpu_share:
         lines.append(_processor_line(s))

@@ -1,0 +1,115 @@
+"""Motion of a run against its bounds: what was asked of the robot, and what it reached.
+
+Speed asked is the step between setpoints over 5 ms; acceleration, asked or reached, is the change
+of speed over the 30 ms window of the interpolation.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from comms.messages import Command, JointState, Phase, RobotState, Setpoint, Verb
+from rig.analysis.facts import EnvelopeFacts
+from rig.analysis.run_log import RunLog
+from rig.analysis.summary import MotionPeaks
+
+TICK_NS = 5_000_000
+TICKS = 6  # of a window
+WINDOW_S = 0.03
+SPEED_ROUNDING_M_S = 5e-6
+ACCELERATION_ROUNDING_M_S2 = SPEED_ROUNDING_M_S / WINDOW_S
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+
+class SentPath(NamedTuple):
+    """Positions in the order of time."""
+
+    t_ns: IntArray  # (N,)
+    position_m: FloatArray  # (N, 3)
+
+
+def motion_peaks(run: RunLog) -> MotionPeaks:
+    """Compare the motion of a run with its bounds; what was not logged is None."""
+    facts = run.controller
+    peaks = MotionPeaks(
+        policy=facts.policy or None,
+        speed_bound_m_s=_finite(facts.envelope.speed_m_s),
+        acceleration_bound_m_s2=_finite(facts.envelope.acceleration_m_s2),
+        following_error_bound_m=_finite(facts.following_error_m),
+    )
+    setpoints = _setpoints(run)
+    if setpoints.t_ns.size > 1:
+        _add_asked(peaks, setpoints, facts.envelope)
+    joints = run.log.read("/joint_state", JointState)
+    if len(joints) > 1:
+        _add_reached(peaks, joints)
+    if joints and setpoints.t_ns.size:
+        peaks.following_error_m = _following_error_m(joints, setpoints, facts.servo_lag_ns)
+    return peaks
+
+
+def _setpoints(run: RunLog) -> SentPath:
+    """Read the setpoints up to the first stop, after which the robot holds."""
+    end_ns = _stop_ns(run)
+    sent = [s for s in run.log.read("/setpoint", Setpoint) if s.t_ns < end_ns]
+    t_ns = np.array([s.t_ns for s in sent], dtype=np.int64)
+    return SentPath(t_ns, np.array([s.position_m for s in sent]).reshape(-1, 3))
+
+
+def _stop_ns(run: RunLog) -> float:
+    """Find the instant of the first order to stop, or of the first state after a stop."""
+    orders = run.log.read("/command", Command)
+    states = run.log.read("/robot_state", RobotState)
+    stops = [order.t_ns for order in orders if order.verb in (Verb.STOP, Verb.ESTOP)]
+    stops += [s.t_ns for s in states if s.phase in (Phase.STOPPED, Phase.FAULT)]
+    return min(stops, default=math.inf)
+
+
+def _add_asked(peaks: MotionPeaks, path: SentPath, bounds: EnvelopeFacts) -> None:
+    velocity = np.diff(path.position_m, axis=0) / (TICK_NS * 1e-9)
+    ticks = path.t_ns // TICK_NS
+    # share of the speed that a pause of the controller leaves, by step
+    left = np.clip(1.0 - (np.diff(ticks) - 1) / TICKS, 0.0, 1.0)
+    before = np.zeros_like(velocity)
+    before[TICKS:] = velocity[:-TICKS]
+    for k in range(TICKS):
+        before[k:] *= left[: left.size - k, np.newaxis]
+    speed = np.linalg.norm(velocity, axis=1)
+    acceleration = np.linalg.norm(velocity - before, axis=1) / WINDOW_S
+    too_fast = speed > bounds.speed_m_s + SPEED_ROUNDING_M_S
+    too_sudden = acceleration > bounds.acceleration_m_s2 + ACCELERATION_ROUNDING_M_S2
+    peaks.asked_speed_m_s = float(speed.max())
+    peaks.asked_acceleration_m_s2 = float(acceleration.max())
+    peaks.setpoints_outside = int((too_fast | too_sudden).sum())
+
+
+def _add_reached(peaks: MotionPeaks, joints: list[JointState]) -> None:
+    t_s = np.array([j.t_ns * 1e-9 for j in joints])
+    velocity = np.array([j.velocity_m_s for j in joints])
+    peaks.reached_speed_m_s = float(np.linalg.norm(velocity, axis=1).max())
+    before = np.column_stack([np.interp(t_s - WINDOW_S, t_s, axis) for axis in velocity.T])
+    change = np.linalg.norm(velocity - before, axis=1)
+    peaks.reached_acceleration_m_s2 = float(change.max()) / WINDOW_S
+
+
+def _following_error_m(
+    joints: list[JointState], setpoints: SentPath, servo_lag_ns: int
+) -> float | None:
+    """Find the largest distance from the setpoint in force servo_lag_ns before."""
+    due_ns = np.array([j.t_ns - servo_lag_ns for j in joints], dtype=np.int64)
+    in_force = np.searchsorted(setpoints.t_ns, due_ns, side="right") - 1
+    known = in_force >= 0
+    if not known.any():
+        return None
+    actual = np.array([j.position_m for j in joints])[known]
+    error = np.linalg.norm(actual - setpoints.position_m[in_force[known]], axis=1)
+    return float(error.max())
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
