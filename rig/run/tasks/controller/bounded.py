@@ -75,7 +75,10 @@ class Bounded:
 
     def _plan(self, ticks: int) -> None:
         """Plan the rest of the window, of so many ticks; its end is the goal where in reach."""
-        start = self._end if self._served == self._planned else self._sent
+        start = self._end
+        if self._served < self._planned:  # a pause cut the window short of its end
+            start = self._sent
+            self._is_met = False
         duration_s = ticks * TICK_S
         self._from, self._served, self._planned = start, 0, ticks
         goal = self._open_goal()
