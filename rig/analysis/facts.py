@@ -37,8 +37,14 @@ class ControllerFacts(msgspec.Struct, frozen=True):
 
     policy: str = ""
     envelope: EnvelopeFacts = EnvelopeFacts()
+    playout_ns: int = 0
     servo_lag_ns: int = 20_000_000
     following_error_m: float = math.inf
+
+    @property
+    def delay_s(self) -> float:
+        """Delay of the setpoints that the policy adds."""
+        return self.playout_ns * 1e-9 if self.policy == "buffer" else 0.0
 
 
 def read_facts(data: bytes, path: Path) -> RunFacts:

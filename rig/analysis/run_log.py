@@ -91,8 +91,8 @@ class RunLog:
 
     @property
     def t_settled_s(self) -> float:
-        """Instant of the residual swing [s]: planned end + 0.30 s."""
-        return self.t_move_s + self.plan.time_s + SETTLE_S
+        """Instant of the residual swing [s]: planned end + 0.30 s + delay of the controller."""
+        return self.t_move_s + self.plan.time_s + SETTLE_S + self.controller.delay_s
 
     @cached_property
     def angles(self) -> list[AngleSample]:

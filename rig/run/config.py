@@ -122,11 +122,13 @@ class SafetySection(Section, frozen=True, kw_only=True):
 class ControllerSection(Section, frozen=True, kw_only=True):
     """`[controller]`: interpolator policy.
 
-    bounded: setpoints keep the [safety] envelope whatever is lost; source: a gap in the references
-    is made good in one window of 30 ms, as in the source (simulated bench only).
+    bounded: setpoints keep the [safety] envelope whatever is lost; buffer: the same, playout_ms
+    later and with gaps bridged; source: a gap in the references is made good in one window of
+    30 ms, as in the source (simulated bench only).
     """
 
-    policy: Literal["bounded", "source"] = "bounded"
+    policy: Literal["bounded", "buffer", "source"] = "bounded"
+    playout_ms: Annotated[float, Meta(ge=10, le=1000)] = 100.0  # of the policy buffer
 
 
 class CameraSection(Section, frozen=True, kw_only=True):

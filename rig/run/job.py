@@ -202,6 +202,7 @@ def _controller_settings(experiment: Experiment, envelope: Envelope) -> Controll
         reference_stale_ns=round(s.reference_stale_ms * MS),
         robot_stale_ns=round(s.robot_stale_ms * MS),
         policy=experiment.controller.policy,
+        playout_ns=round(experiment.controller.playout_ms * MS),
         envelope=envelope,
         servo_lag_ns=round(s.servo_lag_ms * MS),
         following_error_m=s.following_error_mm * 1e-3,

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from comms.messages import Position, Reference
 from rig.run.tasks.controller.braking import braking_distance_m, stopping_speed_m_s
-from rig.run.tasks.controller.interpolator import POLICIES, Interpolator
+from rig.run.tasks.controller.interpolator import POLICIES, Interpolator, PolicySettings
 from rig.run.tasks.safety import Envelope
 
 MS = 1_000_000
@@ -26,7 +26,7 @@ FloatArray = npt.NDArray[np.float64]
 
 def policy(name: str = "bounded", start_m: Position = HOME) -> Interpolator:
     """Interpolator with the shipped envelope."""
-    return POLICIES[name](T_START_NS, start_m, ENVELOPE)
+    return POLICIES[name](T_START_NS, start_m, PolicySettings(ENVELOPE))
 
 
 def reference(k: int, x_m: float, y_m: float = 0.0) -> Reference:

@@ -69,9 +69,13 @@ class Fate:
         return [first_ns, first_ns + 13 * MS] if doubled else [first_ns]
 
 
-def sent_ticks(places: list[Position], fate: Fate) -> tuple[dict[int, Position], list[Reply]]:
+def sent_ticks(
+    places: list[Position], fate: Fate, policy: str = "bounded"
+) -> tuple[dict[int, Position], list[Reply]]:
     """Setpoint of each tick that was served, and the reports."""
-    task = ControllerTask(ControllerSettings(reference_stale_ns=60_000 * MS, envelope=ENVELOPE))
+    task = ControllerTask(
+        ControllerSettings(reference_stale_ns=60_000 * MS, envelope=ENVELOPE, policy=policy)
+    )
     task.start(T_START_NS - TICK_NS)
     reading = JointState(seq=0, t_ns=T_START_NS, position_m=HOME, velocity_m_s=HOME)
     task.on_message("joint_state", reading, T_START_NS)
@@ -132,12 +136,12 @@ plans = st.builds(
 ).filter(is_inside)
 
 
-@settings(max_examples=150, deadline=None)
-@given(plans, fates)
+@settings(max_examples=300, deadline=None)
+@given(plans, fates, st.sampled_from(["bounded", "buffer"]))
 def test_whatever_is_lost_late_doubled_reordered_or_paused_setpoints_keep_the_envelope(
-    places: list[Position], fate: Fate
+    places: list[Position], fate: Fate, policy: str
 ) -> None:
-    sent, reports = sent_ticks(places, fate)
+    sent, reports = sent_ticks(places, fate, policy)
     speed_m_s, acceleration_m_s2 = peaks(sent)
     assert speed_m_s <= SPEED_M_S + 1e-5
     assert acceleration_m_s2 <= ACCELERATION_M_S2 + 1e-3

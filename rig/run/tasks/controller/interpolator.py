@@ -4,15 +4,18 @@
 goal, reached in six equal steps. Without a newer reference goal and setpoint stay; a late reference
 is taken at the next window, and the gap is made good in that one window.
 `bounded`: the same windows, whose end is limited so that the envelope holds (bounded.py).
+`buffer`: `bounded`, of the plan as it was a playout delay ago, across gaps (buffered.py).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
+from comms.channels import MS
 from comms.messages import Position, Reference
 from rig.run.tasks.controller.bounded import Bounded
+from rig.run.tasks.controller.buffered import Buffered
 from rig.run.tasks.grid import TICK_NS, TICKS, WINDOW_NS
 from rig.run.tasks.safety import Envelope
 
@@ -49,13 +52,28 @@ class Source:
         )
 
 
-def _source(t_start_ns: int, position_m: Position, envelope: Envelope) -> Interpolator:
-    """Make the policy `source`, which knows no envelope."""
+class PolicySettings(NamedTuple):
+    """Settings of the policies; each takes what it needs."""
+
+    envelope: Envelope
+    playout_ns: int = 100 * MS
+
+
+def _source(t_start_ns: int, position_m: Position, settings: PolicySettings) -> Interpolator:
     return Source(t_start_ns, position_m)
 
 
-# start of the first window, setpoint there, bounds
-POLICIES: dict[str, Callable[[int, Position, Envelope], Interpolator]] = {
+def _bounded(t_start_ns: int, position_m: Position, settings: PolicySettings) -> Interpolator:
+    return Bounded(t_start_ns, position_m, settings.envelope)
+
+
+def _buffer(t_start_ns: int, position_m: Position, settings: PolicySettings) -> Interpolator:
+    return Buffered(t_start_ns, position_m, settings.envelope, settings.playout_ns)
+
+
+# start of the first window, setpoint there, settings
+POLICIES: dict[str, Callable[[int, Position, PolicySettings], Interpolator]] = {
     "source": _source,
-    "bounded": Bounded,
+    "bounded": _bounded,
+    "buffer": _buffer,
 }

@@ -11,7 +11,7 @@ from comms.task import NO_STEP, Send, Step
 from rig.errors import FAULT
 from rig.run.tasks.controller.communication import Communication
 from rig.run.tasks.controller.following import FollowingWatch
-from rig.run.tasks.controller.interpolator import POLICIES, Interpolator
+from rig.run.tasks.controller.interpolator import POLICIES, Interpolator, PolicySettings
 from rig.run.tasks.controller.phase import ORDERS, Trigger, next_phase, refusal
 from rig.run.tasks.controller.setpoint_gate import SetpointGate
 from rig.run.tasks.grid import TICK_NS
@@ -32,6 +32,7 @@ class ControllerSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
     reference_stale_ns: int
     robot_stale_ns: int = 100 * MS
     policy: str = "bounded"  # of POLICIES
+    playout_ns: int = 100 * MS  # of the policy buffer
     envelope: Envelope = DEFAULT_ENVELOPE
     servo_lag_ns: int = 20 * MS
     following_error_m: float = 0.02  # largest one, for longer than following_error_ns
@@ -162,7 +163,8 @@ class ControllerTask:
             self._t_start_ns = order.t_start_ns
             policy = POLICIES[self._settings.policy]
             envelope = self._settings.envelope
-            self._interpolator = policy(order.t_start_ns, self._setpoint, envelope)
+            bounds = PolicySettings(envelope, self._settings.playout_ns)
+            self._interpolator = policy(order.t_start_ns, self._setpoint, bounds)
             first_tick = order.t_start_ns // TICK_NS
             self._gate = SetpointGate(envelope, first_tick - 1, self._setpoint)
         return Step((self._replies.answer(order, self._phase, t_ns),))
