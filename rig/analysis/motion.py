@@ -7,12 +7,13 @@ of speed over the 30 ms window of the interpolation.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from comms.messages import Command, JointState, Phase, RobotState, Setpoint, Verb
+from comms.messages import Command, JointState, Message, Phase, RobotState, Setpoint, Verb
 from rig.analysis.facts import EnvelopeFacts
 from rig.analysis.run_log import RunLog
 from rig.analysis.summary import MotionPeaks
@@ -56,18 +57,27 @@ def motion_peaks(run: RunLog) -> MotionPeaks:
 def _setpoints(run: RunLog) -> SentPath:
     """Read the setpoints up to the first stop, after which the robot holds."""
     end_ns = _stop_ns(run)
-    sent = [s for s in run.log.read("/setpoint", Setpoint) if s.t_ns < end_ns]
-    t_ns = np.array([s.t_ns for s in sent], dtype=np.int64)
-    return SentPath(t_ns, np.array([s.position_m for s in sent]).reshape(-1, 3))
+    sent = run.log.read("/setpoint", Setpoint)
+    t_ns = _stamps_ns(sent)
+    position = np.array([s.position_m for s in sent]).reshape(-1, 3)
+    moving = t_ns < end_ns
+    return SentPath(t_ns[moving], position[moving])
+
+
+def _stamps_ns(messages: Sequence[Message]) -> IntArray:
+    return np.array([m.t_ns for m in messages], dtype=np.int64)
 
 
 def _stop_ns(run: RunLog) -> float:
     """Find the instant of the first order to stop, or of the first state after a stop."""
-    orders = run.log.read("/command", Command)
-    states = run.log.read("/robot_state", RobotState)
-    stops = [order.t_ns for order in orders if order.verb in (Verb.STOP, Verb.ESTOP)]
-    stops += [s.t_ns for s in states if s.phase in (Phase.STOPPED, Phase.FAULT)]
-    return min(stops, default=math.inf)
+    end_ns = math.inf
+    for order in run.log.read("/command", Command):
+        if order.verb in (Verb.STOP, Verb.ESTOP):
+            end_ns = min(end_ns, order.t_ns)
+    for state in run.log.read("/robot_state", RobotState):
+        if state.phase in (Phase.STOPPED, Phase.FAULT):
+            end_ns = min(end_ns, state.t_ns)
+    return end_ns
 
 
 def _add_asked(peaks: MotionPeaks, path: SentPath, bounds: EnvelopeFacts) -> None:
@@ -89,10 +99,12 @@ def _add_asked(peaks: MotionPeaks, path: SentPath, bounds: EnvelopeFacts) -> Non
 
 
 def _add_reached(peaks: MotionPeaks, joints: list[JointState]) -> None:
-    t_s = np.array([j.t_ns * 1e-9 for j in joints])
+    t_s = _stamps_ns(joints) * 1e-9
     velocity = np.array([j.velocity_m_s for j in joints])
     peaks.reached_speed_m_s = float(np.linalg.norm(velocity, axis=1).max())
-    before = np.column_stack([np.interp(t_s - WINDOW_S, t_s, axis) for axis in velocity.T])
+    before = np.empty_like(velocity)
+    for axis in range(3):
+        before[:, axis] = np.interp(t_s - WINDOW_S, t_s, velocity[:, axis])
     change = np.linalg.norm(velocity - before, axis=1)
     peaks.reached_acceleration_m_s2 = float(change.max()) / WINDOW_S
 
@@ -101,7 +113,7 @@ def _following_error_m(
     joints: list[JointState], setpoints: SentPath, servo_lag_ns: int
 ) -> float | None:
     """Find the largest distance from the setpoint in force servo_lag_ns before."""
-    due_ns = np.array([j.t_ns - servo_lag_ns for j in joints], dtype=np.int64)
+    due_ns = _stamps_ns(joints) - servo_lag_ns
     in_force = np.searchsorted(setpoints.t_ns, due_ns, side="right") - 1
     known = in_force >= 0
     if not known.any():

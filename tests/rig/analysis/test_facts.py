@@ -1,13 +1,15 @@
 """Logs of other builds open: the analysis reads the keys it needs and ignores all others."""
 
 import json
+import math
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from comms.errors import LogError
 from rig.analysis.analyze import RunAnalysis
-from rig.analysis.facts import read_facts
+from rig.analysis.facts import ControllerFacts, read_facts
 
 OLD_LOG = Path(__file__).parents[2] / "data" / "logs" / "e295f92_move_virtual.mcap"
 # what the build that wrote the log said of it
@@ -70,3 +72,18 @@ def test_a_log_that_lacks_a_fact_says_which(table, key, value):
     without = {name: keys for name, keys in TABLES.items() if name != table}
     with pytest.raises(LogError, match=rf"no number {table}\.{key}"):
         facts_of(without)
+
+
+def test_only_the_policy_buffer_delays_the_setpoints() -> None:
+    settings = b'{"policy": "%s", "playout_ns": 120000000}'
+    delays = {
+        policy: msgspec.json.decode(settings % policy, type=ControllerFacts).delay_s
+        for policy in (b"buffer", b"bounded", b"source")
+    }
+    assert delays == pytest.approx({b"buffer": 0.12, b"bounded": 0.0, b"source": 0.0})
+
+
+def test_a_log_without_settings_of_the_controller_has_no_bounds() -> None:
+    facts = msgspec.json.decode(b"{}", type=ControllerFacts)
+    assert facts.delay_s == 0.0
+    assert facts.envelope.speed_m_s == math.inf

@@ -13,6 +13,7 @@ import msgspec
 
 from comms.messages import Position, Reference
 from rig.run.tasks.controller.bounded import Bounded
+from rig.run.tasks.controller.vectors import mean
 from rig.run.tasks.grid import WINDOW_NS
 from rig.run.tasks.safety import Envelope
 
@@ -64,11 +65,8 @@ def _instant(reference: Reference) -> int:
 def _interpolate(points: list[Reference], t_ns: int) -> Reference:
     """Evaluate the polynomial through the points at t_ns (Lagrange)."""
     weights = [_weight(points, k, t_ns) for k in range(len(points))]
-    x, y, z = (
-        sum(w * p.position_m[axis] for w, p in zip(weights, points, strict=True))
-        for axis in range(3)
-    )
-    return msgspec.structs.replace(points[-1], t_target_ns=t_ns, position_m=(x, y, z))
+    position = mean([p.position_m for p in points], weights)
+    return msgspec.structs.replace(points[-1], t_target_ns=t_ns, position_m=position)
 
 
 def _weight(points: list[Reference], k: int, t_ns: int) -> float:

@@ -16,6 +16,7 @@ from comms.channels import MS
 from comms.messages import Position, Reference
 from rig.run.tasks.controller.bounded import Bounded
 from rig.run.tasks.controller.buffered import Buffered
+from rig.run.tasks.controller.vectors import between
 from rig.run.tasks.grid import TICK_NS, TICKS, WINDOW_NS
 from rig.run.tasks.safety import Envelope
 
@@ -44,12 +45,7 @@ class Source:
             if newest is not None:
                 self._goal = newest.position_m
         share = (into_ns // TICK_NS + 1) / TICKS
-        last, goal = self._last, self._goal
-        return (
-            last[0] + (goal[0] - last[0]) * share,
-            last[1] + (goal[1] - last[1]) * share,
-            last[2] + (goal[2] - last[2]) * share,
-        )
+        return between(self._last, self._goal, share)
 
 
 class PolicySettings(NamedTuple):

@@ -10,12 +10,12 @@ import math
 from collections import deque
 
 from comms.messages import Position, Velocity
+from rig.run.tasks.controller.vectors import ZERO, rate, scaled
 from rig.run.tasks.grid import TICK_S, TICKS, WINDOW_S, slowed_by_pause
 from rig.run.tasks.safety import POSITION_ROUNDING_M, Envelope
 
 SPEED_ROUNDING_M_S = 4e-6  # references rounded to 1 nm are 10 ms apart
 ACCELERATION_ROUNDING_M_S2 = SPEED_ROUNDING_M_S / WINDOW_S
-AT_REST: Velocity = (0.0, 0.0, 0.0)
 
 
 class SetpointGate:
@@ -33,21 +33,15 @@ class SetpointGate:
         self._envelope = envelope
         self._tick = tick  # of the setpoint before
         self._position = position_m
-        self._past = deque([AT_REST] * TICKS, maxlen=TICKS)  # velocity of each of the last steps
+        self._past = deque([ZERO] * TICKS, maxlen=TICKS)  # velocity of each of the last steps
         self.excesses = 0  # setpoints outside the envelope
 
     def excess(self, tick: int, position_m: Position) -> str | None:
         """Take the setpoint of a tick; return value and bound where it leaves the envelope."""
         skipped = tick - self._tick - 1
         if skipped > 0:
-            share = slowed_by_pause(skipped)
-            slowed = [(v[0] * share, v[1] * share, v[2] * share) for v in self._past]
-            self._past = deque(slowed, maxlen=TICKS)
-        velocity = (
-            (position_m[0] - self._position[0]) / TICK_S,
-            (position_m[1] - self._position[1]) / TICK_S,
-            (position_m[2] - self._position[2]) / TICK_S,
-        )
+            self._slow_down(slowed_by_pause(skipped))
+        velocity = rate(self._position, position_m, TICK_S)
         acceleration_m_s2 = math.dist(velocity, self._past[0]) / WINDOW_S
         self._past.append(velocity)
         self._tick, self._position = tick, position_m
@@ -55,6 +49,10 @@ class SetpointGate:
         if found is not None:
             self.excesses += 1
         return found
+
+    def _slow_down(self, share: float) -> None:
+        for _ in range(TICKS):
+            self._past.append(scaled(self._past[0], share))
 
     def _outside(self, position_m: Position) -> str | None:
         for axis, value, lower, upper in zip(
