@@ -276,3 +276,12 @@ def test_data_insufficient_for_a_fit_are_refused_with_the_reason(
 ) -> None:
     with pytest.raises(AnalysisError, match=message):
         fit_decay(t_s, angle_rad, average_frames=average_frames)
+
+
+def test_the_averaged_angle_of_a_fit_is_the_mean_of_its_frames() -> None:
+    t = np.arange(0.0, 8.0, PERIOD_S)
+    fit = fit_decay(t, pendulum(t, 0.1))
+    frames = [fit.angle(t + shift * PERIOD_S) for shift in (-1, 0, 1)]
+    averaged = fit.angle(t, average_frames=3, frame_period_s=PERIOD_S)
+    assert np.max(np.abs(averaged - np.mean(frames, axis=0))) < 1e-7
+    assert np.max(np.abs(averaged - frames[1])) > 1e-5
