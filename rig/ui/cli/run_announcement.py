@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from rich.table import Table
 
-from comms.link import LinkFaults
 from planners.problem import Plan
 from rig.run.job import Job
+from rig.ui.text import link_faults
 
 CLOCKS = {
     "wall": "real time, five processes, UDP and ZeroMQ",
@@ -43,21 +43,10 @@ def announcement(job: Job, plan: Plan | None, mode: str) -> Table:
         f"{job.plan.quiet_s:g} s quiet, {job.plan.time_s:g} s move, "
         f"{job.plan.watch_s:g} s watching",
     )
-    links = [f"{name} ({_faults(f)})" for name, f in e.links.items()]
+    links = [f"{name} ({link_faults(f)})" for name, f in e.links.items()]
     table.add_row("links", ", ".join(links) or "no faults")
     table.add_row("calibration", job.calibration_name if e.camera.rate_hz else "no camera")
     return table
-
-
-def _faults(f: LinkFaults) -> str:
-    words = []
-    if f.delay_ms:
-        words.append(f"{f.delay_ms:g} ms")
-    if f.jitter_ms:
-        words.append(f"+ up to {f.jitter_ms:g} ms")
-    if f.loss:
-        words.append(f"{f.loss:.0%} lost in bursts of {f.burst}")
-    return ", ".join(words) or "no faults"
 
 
 def _plan_description(plan: Plan) -> str:
