@@ -42,11 +42,12 @@ def rows_of(entries: Iterable[Entry]) -> Iterator[Row]:
             ) from None
         if not isinstance(fields, dict):
             raise LogError(f"a message is {type(fields).__name__}; must be a JSON object")
-        batch = fields.pop(ROWS, None)
-        flat = stamps | _flat(fields)
-        if batch is None:
-            yield flat
+        batch = fields.get(ROWS)
+        if not isinstance(batch, list):  # an angle has a number of image rows of this name
+            yield stamps | _flat(fields)
             continue
+        del fields[ROWS]
+        flat = stamps | _flat(fields)
         for item in batch:
             yield flat | dict(zip(RECEIPT, item, strict=False))
 

@@ -10,7 +10,8 @@ import typer
 
 from rig.analysis.analyze import RunAnalysis
 from rig.run import runs as folders
-from rig.ui.cli.output import out, print_json, print_summary
+from rig.ui.cli.output import print_json, print_summary
+from rig.ui.cli.page import print_whole, print_written
 
 
 def analyze(
@@ -44,8 +45,11 @@ def analyze(
     analysis = RunAnalysis(folders.find_log(name, runs))
     if csv_file is not None:
         _write_csv(analysis, csv_file)
+    report_file = None
     if report:
         from rig.ui.report import write
+
+        report_file = analysis.run.folder / folders.REPORT
 
         twin_log = analysis.run.folder / "twin" / folders.LOG
         twin = RunAnalysis(twin_log) if twin_log.is_file() else None
@@ -54,7 +58,8 @@ def analyze(
         print_json(analysis.summary)
     else:
         print_summary(analysis.summary)
-        out.print(str(analysis.run.log.path), style="bold")
+        print_whole(str(analysis.run.log.path), "bold")
+        print_written(csv_file, report_file)
     return analysis.summary.exit_code
 
 

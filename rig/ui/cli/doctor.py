@@ -6,14 +6,15 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.table import Table
 from rich.text import Text
 
 from rig.errors import REFUSED
 from rig.run.config import NetworkSection
 from rig.run.doctor import examine
-from rig.ui.cli.output import err, out, print_json
+from rig.ui.cli.output import print_json
+from rig.ui.cli.page import Column, boxed_table, err, print_paragraph, print_table
 
+COLUMNS = ("status", "check", Column("finding, advice", folds=True))
 COLOUR = {"ok": "green", "warning": "yellow", "failed": "red"}
 
 
@@ -36,14 +37,13 @@ def doctor(
     if as_json:
         print_json({"ok": not failed, "checks": [c._asdict() for c in checks]})
         return REFUSED if failed else 0
-    table = Table(show_header=False)
+    table = boxed_table("", COLUMNS, left=len(COLUMNS))
     for check in checks:
-        table.add_row(
-            Text(check.status, style=COLOUR[check.status]), check.name, check.found, check.advice
-        )
-    out.print(table)
-    out.print(
+        finding = f"{check.found}\n{check.advice}" if check.advice else check.found
+        table.add_row(Text(check.status, style=COLOUR[check.status]), check.name, finding)
+    print_table(table)
+    print_paragraph(
         "not ready: a run would fail" if failed else "ready: `rig run`",
-        style="red" if failed else "green",
+        "red" if failed else "green",
     )
     return REFUSED if failed else 0

@@ -14,6 +14,7 @@ from rig.run.toml_file import read_toml
 from rig.studies.sizing.motor_task import EXAMPLES, example_tables, task_of
 from rig.ui.cli import motor_check_tables
 from rig.ui.cli.output import print_json
+from rig.ui.cli.page import print_written
 
 REQUIRED_KEYS = {  # table and key: option that gives it
     ("motor", "continuous_torque_n_m"): "--continuous-torque",
@@ -153,6 +154,7 @@ def motor_check(
         print_json(motor_check_tables.document(task, verdict))
     else:
         motor_check_tables.print_tables(task, verdict)
+        print_written(plot)
     return 0 if verdict.feasible else REFUSED
 
 

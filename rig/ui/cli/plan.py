@@ -16,7 +16,8 @@ from rig.errors import REFUSED, ConfigError
 from rig.run.config import LimitsSection, ModelSection
 from rig.run.load_model import build_model
 from rig.ui.cli import plan_tables
-from rig.ui.cli.output import out, print_json
+from rig.ui.cli.output import print_json
+from rig.ui.cli.page import print_paragraph, print_table, print_written
 from rig.ui.plots import picture_file
 
 WARM_S = 0.5  # a plan that takes less is timed again
@@ -171,9 +172,10 @@ def plan(
     if as_json:
         print_json(plan_tables.document(result))
     else:
-        out.print(plan_tables.plan_table(result))
+        print_table(plan_tables.plan_table(result))
         for reason in result.reasons:
-            out.print(f"over limits: {reason}", style="yellow")
+            print_paragraph(f"over limits: {reason}", "yellow", "  ")
+        print_written(csv_file, plot)
     return REFUSED if result.reasons else 0
 
 

@@ -12,7 +12,8 @@ from rich.progress import Progress
 from rig.run import config
 from rig.studies.vision import bench
 from rig.studies.vision.synthetic_video import CODECS, write_video
-from rig.ui.cli.output import err, out, print_json
+from rig.ui.cli.output import print_json
+from rig.ui.cli.page import err, print_whole
 
 
 def sim(
@@ -65,6 +66,6 @@ def sim(
         )
     else:
         megabytes = video.stat().st_size / 1e6
-        out.print(f"{frames} frames in {video} ({megabytes:.0f} MB), true angles in {truth}")
-        out.print(f"next: rig track {shlex.quote(str(video))} --pivot {x:.1f},{y:.1f}")
+        print_whole(f"{frames} frames in {video} ({megabytes:.0f} MB), true angles in {truth}")
+        print_whole(f"next: rig track {shlex.quote(str(video))} --pivot {x:.1f},{y:.1f}")
     return 0
