@@ -8,7 +8,10 @@ from typing import Annotated
 
 import typer
 
+from comms.clock import utc_now
+from comms.errors import LogError
 from rig.analysis.analyze import RunAnalysis
+from rig.run import running
 from rig.run import runs as folders
 from rig.ui.cli.output import print_json, print_summary
 from rig.ui.cli.page import print_whole, print_written
@@ -40,9 +43,9 @@ def analyze(
 ) -> int:
     """Compute swing, frequency, damping ratio, latencies and ledger from a log.
 
-    A log that was cut short is analysed up to its end.
+    A log that was cut short, and that of a run that goes on, are analysed up to their end.
     """
-    analysis = RunAnalysis(folders.find_log(name, runs))
+    analysis = _analysis(folders.find_log(name, runs))
     if csv_file is not None:
         _write_csv(analysis, csv_file)
     report_file = None
@@ -61,6 +64,21 @@ def analyze(
         print_whole(str(analysis.run.log.path), "bold")
         print_written(csv_file, report_file)
     return analysis.summary.exit_code
+
+
+def _analysis(log: Path) -> RunAnalysis:
+    """Analyse a log; raises LogError."""
+    started_s = running.started_s(log.parent)
+    if started_s is None:
+        return RunAnalysis(log)
+    running_s = max(0.0, utc_now().timestamp() - started_s)
+    try:
+        return RunAnalysis(log, running_s)
+    except LogError as error:
+        raise LogError(
+            f"{log.parent.name}: still running, {running_s:.0f} s so far; "
+            "too little is logged yet, analyse it later"
+        ) from error
 
 
 def _write_csv(analysis: RunAnalysis, path: Path) -> None:

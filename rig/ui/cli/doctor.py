@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 from rich.text import Text
 
-from rig.errors import REFUSED
+from rig.errors import REFUSED, ConfigError
 from rig.run.config import NetworkSection
 from rig.run.doctor import examine
 from rig.ui.cli.output import print_json
@@ -31,8 +31,9 @@ def doctor(
 
     Exit code 3 when a run would fail.
     """
+    network = _network(base_port)
     with err.status("checking ports, disk, versions, and the timer for one second"):
-        checks = examine(runs, NetworkSection(base_port=base_port))
+        checks = examine(runs, network)
     failed = [c for c in checks if c.status == "failed"]
     if as_json:
         print_json({"ok": not failed, "checks": [c._asdict() for c in checks]})
@@ -47,3 +48,11 @@ def doctor(
         "red" if failed else "green",
     )
     return REFUSED if failed else 0
+
+
+def _network(base_port: int) -> NetworkSection:
+    """Describe the ports to check; raises ConfigError for ports that no run may use."""
+    try:
+        return NetworkSection(base_port=base_port)
+    except ValueError as error:
+        raise ConfigError(f"--{error}".replace("_", "-", 1)) from None

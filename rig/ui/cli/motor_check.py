@@ -11,6 +11,7 @@ from planners.laws import LAWS
 from rig.drives.motor import check_motor
 from rig.errors import REFUSED, ConfigError
 from rig.run.toml_file import read_toml
+from rig.run.units import TURN, suspect
 from rig.studies.sizing.motor_task import EXAMPLES, example_tables, task_of
 from rig.ui.cli import motor_check_tables
 from rig.ui.cli.output import print_json
@@ -110,6 +111,8 @@ def motor_check(
         raise ConfigError(
             f"--example {example} with file '{file}'; must be one of the two: omit one"
         )
+    if angle is not None:
+        suspect("--angle", angle, TURN)
     tables: dict[str, Any] = {}
     if file is not None:
         tables = read_toml(file, "motor task")

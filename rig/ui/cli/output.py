@@ -81,9 +81,10 @@ def print_summary(s: Summary) -> None:
         print_table(_ledger(s.links))
     for event in s.events:
         print_paragraph(event, "dim", indent=EVENT_INDENT)
-    print_paragraph(
-        f"verdict: {s.verdict} ({s.exit_status}, {s.mode})", f"{COLOUR[s.verdict]} bold"
-    )
+    verdict = f"{s.verdict} ({s.exit_status}, {s.mode})"
+    if s.running_s is not None:
+        verdict = f"none yet: still running, {s.running_s:.0f} s so far ({s.mode})"
+    print_paragraph(f"verdict: {verdict}", f"{COLOUR[s.verdict]} bold")
     for reason in s.reasons:
         print_paragraph(f"  - {reason}", indent="    ")
 

@@ -11,10 +11,11 @@ from comms.clock import stopwatch_s
 from planners import catalog
 from planners.laws import LAWS
 from planners.models.model import INPUTS, LAG_S
-from planners.problem import Limits, Problem
+from planners.problem import Limits, Plan, Problem
 from rig.errors import REFUSED, ConfigError
 from rig.run.config import LimitsSection, ModelSection
 from rig.run.load_model import build_model
+from rig.run.units import CABLE, MOVE, SWING, suspect
 from rig.ui.cli import plan_tables
 from rig.ui.cli.output import print_json
 from rig.ui.cli.page import print_paragraph, print_table, print_written
@@ -110,7 +111,10 @@ def plan(
     acceleration_limit: Annotated[
         float, typer.Option(help="Acceleration limit \\[m/s²].")
     ] = LimitsSection().acceleration_m_s2,
-    lag: Annotated[float, typer.Option(help="Time constant of --model jerk \\[s].")] = LAG_S,
+    lag: Annotated[
+        float | None,
+        typer.Option(help=f"Time constant of --model jerk \\[s]; {LAG_S:.4g} by default."),
+    ] = None,
     csv_file: Annotated[
         Path | None,
         typer.Option("--csv", help="CSV file: time, position, speed, acceleration every 10 ms."),
@@ -132,6 +136,11 @@ def plan(
     if links is not None:
         _check_chain_alone(links, length, mass)
     robust_names = _robust_names(robust or [])
+    start_state = _states("--start", start or [])
+    goal_state = _states("--goal", goal or [])
+    suspect("--distance", distance, MOVE)
+    if length is not None:
+        suspect("--length", length, CABLE)
     if plot is not None:
         picture_file.check(plot)
     if csv_file is not None:
@@ -151,12 +160,12 @@ def plan(
         time_s=time,
         model=build_model(section),
         input=model,
-        lag_s=lag,
+        lag_s=LAG_S if lag is None else lag,
         robust=robust_names,
         law=law,
         nonlinear=nonlinear,
-        start_state=_states("--start", start or []),
-        goal_state=_states("--goal", goal or []),
+        start_state=start_state,
+        goal_state=goal_state,
         state_weights=_states("--weight", weight or []),
         limits=Limits(speed_m_s=speed_limit, acceleration_m_s2=acceleration_limit),
     )
@@ -172,11 +181,19 @@ def plan(
     if as_json:
         print_json(plan_tables.document(result))
     else:
-        print_table(plan_tables.plan_table(result))
+        _print_plan(result)
         for reason in result.reasons:
             print_paragraph(f"over limits: {reason}", "yellow", "  ")
         print_written(csv_file, plot)
     return REFUSED if result.reasons else 0
+
+
+def _print_plan(result: Plan) -> None:
+    p = result.problem
+    if p.distance_m == 0.0 and not p.start_state and not p.goal_state:
+        print_paragraph("--distance 0: nothing is to be done, the platform stands still")
+    else:
+        print_table(plan_tables.plan_table(result))
 
 
 def _check_not_empty(option: str, text: str | None) -> None:
@@ -219,7 +236,7 @@ def _numbers(option: str, text: str | None) -> list[float]:
 
 
 def _states(option: str, texts: list[str]) -> dict[str, float]:
-    """Parse state=value, each state once; raises ConfigError."""
+    """Parse state=value, each state once; raises ConfigError, also for degrees as radians."""
     states: dict[str, float] = {}
     for text in texts:
         name, _, value = text.partition("=")
@@ -231,4 +248,6 @@ def _states(option: str, texts: list[str]) -> dict[str, float]:
             raise ConfigError(
                 f"{option} {text!r}; must be state=value: e.g. {option} angle_rad=0.05"
             ) from None
+        if name.strip().startswith("angle") and name.strip().endswith("_rad"):
+            suspect(f"{option} {name.strip()} =", states[name.strip()], SWING)
     return states
