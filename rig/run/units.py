@@ -38,7 +38,9 @@ SUFFIXES = {  # ending of a key: its unit, the longer ending first
     "_m": "m",
     "_s": "s",
 }
-NUMBER_WITH_UNIT = re.compile(r"([-+]?\d*\.?\d+(?:e[-+]?\d+)?)\s*([a-zµ°][a-z/²³0-9]*)", re.I)
+NUMBER_WITH_UNIT = re.compile(
+    r"([-+]?\d*\.?\d+(?:e[-+]?\d+)?)\s*(?!e[-+]?\d)([a-zµ°][a-z/²³0-9]*)", re.I
+)
 
 
 class Usual(NamedTuple):

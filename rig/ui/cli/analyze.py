@@ -13,6 +13,7 @@ from comms.errors import LogError
 from rig.analysis.analyze import RunAnalysis
 from rig.run import running
 from rig.run import runs as folders
+from rig.ui.cli import completion
 from rig.ui.cli.output import print_json, print_summary
 from rig.ui.cli.page import print_whole, print_written
 
@@ -21,7 +22,9 @@ def analyze(
     name: Annotated[
         str,
         typer.Argument(
-            metavar="RUN", help="Run folder, .mcap file, part of the run id, or `last`."
+            metavar="RUN",
+            help="Run folder, .mcap file, part of the run id, or `last`.",
+            autocompletion=completion.recorded_runs,
         ),
     ],
     csv_file: Annotated[

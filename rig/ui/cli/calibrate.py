@@ -17,6 +17,7 @@ from rig.run.calibration import file as calibration_file
 from rig.run.calibration import tour as calibration_run
 from rig.run.runs import LOG
 from rig.run.tasks.operator import Operator
+from rig.ui.cli import completion
 from rig.ui.cli.output import print_json
 from rig.ui.cli.page import boxed_table, err, print_paragraph, print_table, print_whole
 
@@ -41,7 +42,12 @@ def offsets(
         ),
     ] = None,
     name: Annotated[
-        str, typer.Option("--experiment", help="Experiment that gives rig, links and model.")
+        str,
+        typer.Option(
+            "--experiment",
+            help="Experiment that gives rig, links and model.",
+            autocompletion=completion.experiments,
+        ),
     ] = "move",
     seed: Annotated[
         int | None, typer.Option(help="Seed of the image noise; the experiment's by default.")

@@ -64,7 +64,7 @@ EXAMPLES = {
     ),
     "motor-check": (
         "motor-check --example 1",
-        "motor-check --example 1 --time 2.8 --plot plane.svg",
+        "motor-check --example 1 --time 3.2 --plot plane.svg",
     ),
     "size": (
         "size --example appendix",

@@ -11,6 +11,7 @@ from comms.mcap_log import read_log
 from rig.analysis.tables import write_csv, write_parquet
 from rig.errors import BAD_DATA, OK, ConfigError
 from rig.run.runs import find_log
+from rig.ui.cli import completion
 from rig.ui.cli.page import print_paragraph, print_whole
 
 
@@ -18,7 +19,9 @@ def export(
     name: Annotated[
         str,
         typer.Argument(
-            metavar="RUN", help="Run folder, .mcap file, part of a run's name, or `last`."
+            metavar="RUN",
+            help="Run folder, .mcap file, part of a run's name, or `last`.",
+            autocompletion=completion.recorded_runs,
         ),
     ],
     csv: Annotated[

@@ -17,9 +17,10 @@ from planners.models.pendulum import PendulumModel
 from planners.spectra.swing_free import swing_free_cycles
 from rig.errors import ConfigError
 from rig.run.config import LimitsSection, ModelSection
-from rig.run.units import CABLE, MOVE, suspect
+from rig.run.units import CABLE, suspect
 from rig.studies.laws_under_limits import DERIVATIVE_NAMES, LawMove, law_move, period_s
 from rig.studies.published_laws import FIGURES, PUBLISHED, wrong_figures
+from rig.ui.cli import completion
 from rig.ui.cli.output import print_json, working
 from rig.ui.cli.page import (
     Column,
@@ -129,7 +130,6 @@ def compare(
     """Compare the minimum time, peaks and residual swing of every law under limits."""
     limits = (vmax, amax, math.inf if jmax is None else jmax, math.inf if smax is None else smax)
     _check(distance, limits)
-    suspect("--distance", distance, MOVE)
     suspect("--load-length", load_length, CABLE)
     load = PendulumModel(length_m=load_length)
     with working("fitting every law to the limits"):
@@ -166,7 +166,10 @@ def _print_moves(moves: list[LawMove], title: str) -> None:
 
 @app.command()
 def plot(
-    names: Annotated[list[str] | None, typer.Argument(help="Laws to draw; all by default.")] = None,
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(help="Laws to draw; all by default.", autocompletion=completion.laws),
+    ] = None,
     path: Annotated[Path, typer.Option("--plot", help="Figure file: .svg, .png or .pdf.")] = Path(
         "laws.svg"
     ),

@@ -13,7 +13,7 @@ from rig.errors import REFUSED, ConfigError
 from rig.run.toml_file import read_toml
 from rig.run.units import TURN, suspect
 from rig.studies.sizing.motor_task import EXAMPLES, example_tables, task_of
-from rig.ui.cli import motor_check_tables
+from rig.ui.cli import completion, motor_check_tables
 from rig.ui.cli.output import print_json
 from rig.ui.cli.page import print_written
 
@@ -76,7 +76,11 @@ def motor_check(
         typer.Option(help="Pinion radius for --distance \\[m]; lead / 2π for a screw."),
     ] = None,
     law: Annotated[
-        str | None, typer.Option(help=f"Motion law: {', '.join(LAWS)}; cycloidal by default.")
+        str | None,
+        typer.Option(
+            help=f"Motion law: {', '.join(LAWS)}; cycloidal by default.",
+            autocompletion=completion.laws,
+        ),
     ] = None,
     angle: Annotated[
         float | None, typer.Option(help="Angle of the output shaft \\[rad], or --distance.")

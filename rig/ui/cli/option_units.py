@@ -15,7 +15,7 @@ UNIT_IN_HELP = re.compile(r"\[([^],]+)")  # "Distance [m].", "[rad/s², or m/s²
 def check_units(command: Any, words: Sequence[str]) -> None:
     """Raise ConfigError for an option such as `--length 980mm`; its help names the unit."""
     units = _units(command)
-    for word, after in zip(words, [*words[1:], ""], strict=True):
+    for word, after in zip(words, [*words, ""][1:], strict=True):
         option, equals, value = word.partition("=")
         unit = units.get(option)
         if unit is None:

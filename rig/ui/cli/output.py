@@ -26,6 +26,7 @@ from rig.ui.cli.page import (
 )
 
 EVENT_INDENT = " " * 12  # of the further lines of an event, below its text
+QUANTITY_COLUMNS = ("", Column("planned", drop=1), "measured ± noise", "true")
 LEDGER_COLUMNS = (
     "link",
     "sent",
@@ -98,7 +99,7 @@ def print_conclusion(conclusion: Conclusion) -> None:
 
 
 def _quantities(s: Summary) -> Table:
-    table = boxed_table(s.headline, ("", "planned", "measured ± noise", "true"))
+    table = boxed_table(s.headline, QUANTITY_COLUMNS)
     for row in QUANTITIES:
         planned, true = getattr(s.planned, row.key, None), getattr(s.truth or Quantities(), row.key)
         measured = row.with_sigma(getattr(s.measured, row.key), getattr(s.sigma, row.key))

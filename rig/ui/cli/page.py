@@ -109,7 +109,10 @@ def _page_table(view: PageTable, columns: Iterable[str | Column], left: int) -> 
 
 
 def print_table(view: Table) -> None:
-    """Print a table; drop columns in their order until it fits the page, and say which."""
+    """Print a table; drop columns in their order until it fits the page, and say which.
+
+    What does not fit even then is wider than the page, not cut: no digit is lost.
+    """
     dropped: list[str] = []
     order = view.drop_order if isinstance(view, PageTable) else ()
     shown = view
@@ -118,7 +121,9 @@ def print_table(view: Table) -> None:
             break
         dropped.append(header)
         shown = _without(view, dropped)
-    out.print(shown)
+    if not is_fitting(shown):
+        shown.width = _least_width(shown)
+    out.print(shown, crop=False)
     if dropped:
         names = "; ".join(_name(header) for header in dropped)
         print_paragraph(
@@ -130,10 +135,21 @@ def print_table(view: Table) -> None:
 
 def is_fitting(view: Table) -> bool:
     """Tell whether a table fits the page without folding or cutting a cell that must not."""
+    return _least_width(view) <= out.width
+
+
+def _least_width(view: Table) -> int:
+    """Width of a table [columns] whose folding cells have a line for each word."""
     options = out.options.update(width=10 * FILE_WIDTH)
-    need = Measurement.get(out, options, view)
-    folds = any(not column.no_wrap for column in view.columns)
-    return (need.minimum if folds else need.maximum) <= out.width
+    width = Measurement.get(out, options, view).maximum
+    for column in view.columns:
+        if column.no_wrap:
+            continue
+        needs = [Measurement.get(out, options, text) for text in (column.header, *column.cells)]
+        widest_line = max(need.maximum for need in needs)
+        longest_word = max(need.minimum for need in needs)
+        width -= widest_line - longest_word
+    return width
 
 
 def _without(view: Table, headers: Sequence[str]) -> Table:

@@ -15,8 +15,8 @@ from planners.problem import Limits, Plan, Problem
 from rig.errors import REFUSED, ConfigError
 from rig.run.config import LimitsSection, ModelSection
 from rig.run.load_model import build_model
-from rig.run.units import CABLE, MOVE, SWING, suspect
-from rig.ui.cli import plan_tables
+from rig.run.units import CABLE, MOVE, SWING, key_unit, suspect
+from rig.ui.cli import completion, plan_tables
 from rig.ui.cli.output import print_json
 from rig.ui.cli.page import print_paragraph, print_table, print_written
 from rig.ui.plots import picture_file
@@ -26,7 +26,10 @@ WARM_S = 0.5  # a plan that takes less is timed again
 
 def plan(
     planner: Annotated[
-        str, typer.Option(help=f"Planner: {', '.join(catalog.PLANNERS)}.")
+        str,
+        typer.Option(
+            help=f"Planner: {', '.join(catalog.PLANNERS)}.", autocompletion=completion.planners
+        ),
     ] = "matrix_exponential",
     distance: Annotated[float, typer.Option(help="Distance \\[m].")] = 0.2,
     time: Annotated[float, typer.Option(help="Duration of the move \\[s], > 0.")] = 1.5,
@@ -80,7 +83,11 @@ def plan(
         float, typer.Option(help="Mass of the platform \\[kg], used by --model force.")
     ] = ModelSection().cart_mass_kg,
     law: Annotated[
-        str, typer.Option(help=f"Motion law of a shaper or of planner law: {', '.join(LAWS)}.")
+        str,
+        typer.Option(
+            help=f"Motion law of a shaper or of planner law: {', '.join(LAWS)}.",
+            autocompletion=completion.laws,
+        ),
     ] = "harmonic",
     nonlinear: Annotated[
         bool,
@@ -138,9 +145,7 @@ def plan(
     robust_names = _robust_names(robust or [])
     start_state = _states("--start", start or [])
     goal_state = _states("--goal", goal or [])
-    suspect("--distance", distance, MOVE)
-    if length is not None:
-        suspect("--length", length, CABLE)
+    _suspect_units(distance, length, {"--start": start_state, "--goal": goal_state})
     if plot is not None:
         picture_file.check(plot)
     if csv_file is not None:
@@ -201,6 +206,19 @@ def _check_not_empty(option: str, text: str | None) -> None:
         raise ConfigError(f"{option} ''; must not be empty: omit the option")
 
 
+def _suspect_units(
+    distance: float, length: float | None, states: dict[str, dict[str, float]]
+) -> None:
+    """Warn of centimetres and degrees; raises ConfigError where no laboratory has the value."""
+    suspect("--distance", distance, MOVE)
+    if length is not None:
+        suspect("--length", length, CABLE)
+    for option, values in states.items():
+        for name, value in values.items():
+            if key_unit(name) == "rad":
+                suspect(f"{option} {name} =", value, SWING)
+
+
 def _check_chain_alone(links: str, length: float | None, mass: float | None) -> None:
     """Check that no option of a cable is given with --links; raises ConfigError."""
     if length is not None:
@@ -236,7 +254,7 @@ def _numbers(option: str, text: str | None) -> list[float]:
 
 
 def _states(option: str, texts: list[str]) -> dict[str, float]:
-    """Parse state=value, each state once; raises ConfigError, also for degrees as radians."""
+    """Parse state=value, each state once; raises ConfigError."""
     states: dict[str, float] = {}
     for text in texts:
         name, _, value = text.partition("=")
@@ -248,6 +266,4 @@ def _states(option: str, texts: list[str]) -> dict[str, float]:
             raise ConfigError(
                 f"{option} {text!r}; must be state=value: e.g. {option} angle_rad=0.05"
             ) from None
-        if name.strip().startswith("angle") and name.strip().endswith("_rad"):
-            suspect(f"{option} {name.strip()} =", states[name.strip()], SWING)
     return states

@@ -12,6 +12,7 @@ from comms.log_recovery import recover
 from comms.log_scan import Recovery
 from rig.errors import OK
 from rig.run.runs import find_log
+from rig.ui.cli import completion
 from rig.ui.cli.output import print_json
 from rig.ui.cli.page import print_paragraph, print_written
 
@@ -22,6 +23,7 @@ def recover_log(
         typer.Argument(
             metavar="BROKEN",
             help="Damaged .mcap file, run folder, part of a run's name, or `last`.",
+            autocompletion=completion.recorded_runs,
         ),
     ],
     target: Annotated[Path, typer.Argument(metavar="OUT", help="File to write, .mcap.")],

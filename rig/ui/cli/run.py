@@ -25,7 +25,7 @@ from rig.run.runs import LOG
 from rig.run.runtime.execute import ClockMode
 from rig.run.tasks.operator import Operator
 from rig.run.tasks.pause import BUSY_HINT
-from rig.ui.cli import planner_comparison
+from rig.ui.cli import completion, planner_comparison
 from rig.ui.cli.output import print_conclusion, print_json, print_summary, working
 from rig.ui.cli.page import err, print_paragraph, print_table, print_whole
 from rig.ui.cli.planner_comparison import NotRun, Result
@@ -46,7 +46,9 @@ def run(
     name: Annotated[
         str,
         typer.Argument(
-            metavar="[EXPERIMENT]", help="Name of a shipped experiment, or a TOML file."
+            metavar="[EXPERIMENT]",
+            help="Shipped experiment, move, dropouts or free_decay, or a TOML file.",
+            autocompletion=completion.experiments,
         ),
     ] = "move",
     virtual: Annotated[
@@ -71,6 +73,7 @@ def run(
         typer.Option(
             help="Planner, or several separated by commas, one run each; "
             "the experiment's by default.",
+            autocompletion=completion.planners,
         ),
     ] = None,
     overrides: Annotated[

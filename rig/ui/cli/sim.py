@@ -12,6 +12,7 @@ from rich.progress import Progress
 from rig.run import config
 from rig.studies.vision import bench
 from rig.studies.vision.synthetic_video import CODECS, write_video
+from rig.ui.cli import completion
 from rig.ui.cli.output import print_json
 from rig.ui.cli.page import err, print_whole
 
@@ -26,7 +27,11 @@ def sim(
     ],
     name: Annotated[
         str,
-        typer.Argument(metavar="[EXPERIMENT]", help="Experiment that gives load and camera."),
+        typer.Argument(
+            metavar="[EXPERIMENT]",
+            help="Experiment that gives load and camera.",
+            autocompletion=completion.experiments,
+        ),
     ] = "free_decay",
     seconds: Annotated[
         float, typer.Option(min=0.1, max=3600, help="Duration \\[s], 0.1 to 3600.")

@@ -69,6 +69,25 @@ def test_a_column_that_folds_is_folded_before_any_is_dropped(columns, capsys):
     assert max(map(len, said.splitlines())) <= 40
 
 
+def test_a_table_that_cannot_fit_is_wider_than_the_page_and_loses_no_digit(columns, capsys):
+    columns(30)
+    table = plain_table("wide", ("name", "number", Column("text", folds=True)))
+    table.add_row("x", "1234567890" * 4, "some words")
+    print_table(table)
+    assert "1234567890" * 4 in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("count", [40, 60])
+def test_no_digit_of_a_run_is_lost_on_a_narrow_page(rig, columns, count):
+    columns(160)
+    _, whole, _ = rig("run", "--virtual", "--no-report", *BRIEF)
+    row = next(line for line in whole.splitlines() if "natural frequency" in line)
+    measured = row.split("│")[3].strip()
+    columns(count)
+    _, narrow, _ = rig("run", "--virtual", "--no-report", *BRIEF)
+    assert measured in narrow
+
+
 def test_a_paragraph_folds_between_words_and_not_within_a_unit(columns, capsys):
     columns(30)
     print_paragraph("the torque at the motor is 20 N m or less", indent="  ")
