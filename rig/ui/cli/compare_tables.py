@@ -10,7 +10,8 @@ from rich.text import Text
 
 from rig.studies.thesis_tables.published import METHODS
 from rig.studies.thesis_tables.table import RowComparison
-from rig.ui.cli.page import is_fitting, out, print_paragraph, print_table
+from rig.ui.cli import page
+from rig.ui.cli.page import is_fitting, out, print_paragraph
 
 SHOWN_AS_ZERO_RAD = 1e-12  # a residual below it is rounding, shown as 0
 STYLE = {"reproduced": "green", "partly": "yellow", "false": "red", "no entry": "dim"}
@@ -54,7 +55,7 @@ def print_table(name: str, comparisons: Sequence[RowComparison]) -> None:
         out.print(table)
     else:
         for c, label in zip(comparisons, labels, strict=True):
-            print_table(_narrow_table(c, label))
+            page.print_table(_narrow_table(c, label))
     for reason, number in notes.items():
         print_paragraph(f"({number}) {reason}")
     for c in comparisons:
