@@ -20,11 +20,15 @@ from rig.analysis.summary import LinkSummary, Summary
 class RunAnalysis:
     """A log, its summary and the fit behind it; input of the report."""
 
-    def __init__(self, path: Path) -> None:
-        """Raises LogError when path is not the log of a run."""
+    def __init__(self, path: Path, running_s: float | None = None) -> None:
+        """running_s: duration so far of a run that goes on; None for one that has ended.
+
+        Raises LogError when path is not the log of a run.
+        """
         self.run = RunLog.open(path)
         self.fit, self.fit_failure = _fit(self.run)
         self.summary = _summary(self.run, self.fit)
+        self.summary.running_s = running_s
         verdict.add_verdict(self.summary, self.run, self.fit_failure)
 
 

@@ -6,6 +6,7 @@ from rich.table import Table
 
 from planners.problem import Plan
 from rig.run.job import Job
+from rig.ui.cli.page import Column, boxed_table
 from rig.ui.text import link_faults
 
 CLOCKS = {
@@ -18,7 +19,8 @@ def announcement(job: Job, plan: Plan | None, mode: str) -> Table:
     """Create the table of model, plan, times, links and calibration of a job."""
     e = job.experiment
     title = f"about to run: {e.experiment.name}"
-    table = Table(show_header=False, title=title, title_justify="left")
+    table = boxed_table(title, ("", Column("", folds=True)), left=2)
+    table.show_header = False
     table.add_row("mode", f"{CLOCKS[mode]}; seed {e.experiment.seed}")
     if plan is not None:
         m = plan.metrics
