@@ -40,7 +40,7 @@ def is_alive(pid: int) -> bool:
 
 
 def started_s(folder: Path) -> float | None:
-    """When the run in a folder started, as time since the epoch [s]; None when none goes on."""
+    """Read the start of the run that goes on in a folder [s since 1970]; None where none does."""
     path = folder / ADDRESS_FILE
     try:
         operator = _read(path)

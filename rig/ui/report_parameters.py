@@ -14,8 +14,8 @@ from comms.link import LinkFaults
 from rig.analysis.facts import number_at, value_at
 from rig.analysis.run_log import RunLog
 from rig.analysis.summary import Summary
+from rig.ui.link_text import link_faults
 from rig.ui.report_page import link
-from rig.ui.text import link_faults
 
 NOT_RECORDED = "not recorded"
 FAULT_KEYS = ("delay_ms", "jitter_ms", "loss", "burst")

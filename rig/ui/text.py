@@ -1,11 +1,9 @@
-"""Text from files and other programs, made harmless for a terminal and for HTML; link faults."""
+"""Text from files and other programs, made harmless for a terminal and for HTML."""
 
 from __future__ import annotations
 
 import html
 import re
-
-from comms.link import LinkFaults
 
 # C0 but tab and line feed, DEL, C1, and the marks that turn the direction of writing
 CONTROLS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
@@ -19,15 +17,3 @@ def without_controls(text: str) -> str:
 def escaped(value: object) -> str:
     """Write a value as HTML text: no markup, no control characters."""
     return html.escape(without_controls(str(value)), quote=True)
-
-
-def link_faults(f: LinkFaults) -> str:
-    """Describe delay, jitter and loss of a link."""
-    words = []
-    if f.delay_ms:
-        words.append(f"{f.delay_ms:g} ms")
-    if f.jitter_ms:
-        words.append(f"+ up to {f.jitter_ms:g} ms")
-    if f.loss:
-        words.append(f"{f.loss:.0%} lost in bursts of {f.burst}")
-    return ", ".join(words) or "no faults"

@@ -7,7 +7,7 @@ from rich.table import Table
 from planners.problem import Plan
 from rig.run.job import Job
 from rig.ui.cli.page import Column, boxed_table
-from rig.ui.text import link_faults
+from rig.ui.link_text import link_faults
 
 CLOCKS = {
     "wall": "real time, five processes, UDP and ZeroMQ",
