@@ -30,6 +30,10 @@ class RenamedKey(UserWarning):
     """
 
 
+class StrangeValue(UserWarning):
+    """Value that is allowed but suggests another unit; the command line prints it as a note."""
+
+
 class Refused(RigError):
     """Failed check before a run; nothing has moved."""
 

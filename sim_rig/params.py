@@ -54,7 +54,7 @@ class CameraParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     background: Annotated[float, Meta(ge=0.0, le=255.0)] = 200.0
     # background minus grey level of a wide cable
     contrast: Annotated[float, Meta(ge=0.0, le=255.0)] = 165.0
-    name: Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,16}$")] = "red_plane"
+    name: Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,16}\Z")] = "red_plane"
 
 
 class View(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

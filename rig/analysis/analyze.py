@@ -21,11 +21,15 @@ from rig.analysis.summary import LinkSummary, Summary
 class RunAnalysis:
     """A log, its summary and the fit behind it; input of the report."""
 
-    def __init__(self, path: Path) -> None:
-        """Raises LogError when path is not the log of a run."""
+    def __init__(self, path: Path, running_s: float | None = None) -> None:
+        """running_s: duration so far of a run that goes on; None for one that has ended.
+
+        Raises LogError when path is not the log of a run.
+        """
         self.run = RunLog.open(path)
         self.fit, self.fit_failure = _fit(self.run)
         self.summary = _summary(self.run, self.fit)
+        self.summary.running_s = running_s
         verdict.add_verdict(self.summary, self.run, self.fit_failure)
 
 
@@ -58,7 +62,7 @@ def _summary(run: RunLog, fit: DecayFit | None) -> Summary:
         mode=start["mode"],
         experiment=start["experiment"],
         exit_status=stop.get("exit_status", "bad_data"),
-        exit_code=int(stop.get("exit_code", verdict.BAD_DATA_CODE)),
+        exit_code=_exit_code(stop),
         verdict="good",
         reasons=[line for line in stop.get("reasons", "").splitlines() if line],
         planner=run.plan.planner,
@@ -81,7 +85,7 @@ def _summary(run: RunLog, fit: DecayFit | None) -> Summary:
         swing_fit_rms_rad=fit.residual_rms_rad if fit else None,
         complete=run.log.complete,
         loop_s=_number(stop.get("loop_s")),
-        cpu_share={name: float(share) for name, share in _pairs(stop, "cpu_share")},
+        cpu_share=_shares(stop),
         scheduling=dict(_pairs(stop, "scheduling")),
         events=[f"{e.t_ns * 1e-9:8.3f} s  {e.level}: {e.text}" for e in run.events()],
     )
@@ -118,5 +122,25 @@ def _pairs(metadata: dict[str, str], key: str) -> list[tuple[str, str]]:
     return pairs
 
 
+def _exit_code(stop: dict[str, str]) -> int:
+    """Read the exit code; that of bad data where it is missing or no number."""
+    text = stop.get("exit_code", "")
+    return int(text) if text.isdecimal() else verdict.BAD_DATA_CODE
+
+
+def _shares(stop: dict[str, str]) -> dict[str, float]:
+    """Read the CPU shares by process, those that are numbers."""
+    shares = {}
+    for name, text in _pairs(stop, "cpu_share"):
+        share = _number(text)
+        if share is not None:
+            shares[name] = share
+    return shares
+
+
 def _number(text: str | None) -> float | None:
-    return float(text) if text else None
+    """Read a number; None where it is missing or no number."""
+    try:
+        return float(text or "")
+    except ValueError:
+        return None

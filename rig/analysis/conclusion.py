@@ -59,7 +59,7 @@ def conclude(run: RunLog, summary: Summary) -> Conclusion:
     if run.facts.rate_hz == 0.0:
         sentence = "The run had no camera; the swing was not measured."
     elif summary.move_time_s == 0.0:
-        sentence = _free_decay_sentence(summary, error_m)
+        sentence = _free_decay_sentence(run, summary, error_m)
     else:
         sentence = _move_sentence(run, summary, error_m)
     return Conclusion(sentence=sentence, setting=setting, command=command)
@@ -90,7 +90,7 @@ def _length_error_m(run: RunLog, summary: Summary) -> float | None:
     """Measured minus modelled length of the cable; None where it is not significant."""
     length_m = summary.measured.cable_length_m
     sigma_m = summary.sigma.cable_length_m
-    if length_m is None or sigma_m is None:
+    if run.facts.is_chain or length_m is None or sigma_m is None:
         return None
     error_m = length_m - run.facts.cable_length_m
     bound_m = max(MIN_LENGTH_ERROR_M, SIGNIFICANT_SIGMAS * sigma_m)
@@ -102,11 +102,13 @@ def _setting(summary: Summary) -> Setting:
     return Setting(section="model", key="length_m", value=f"{length_m:.{LENGTH_DIGITS}f}")
 
 
-def _free_decay_sentence(summary: Summary, error_m: float | None) -> str:
+def _free_decay_sentence(run: RunLog, summary: Summary, error_m: float | None) -> str:
     frequency_hz = summary.measured.natural_frequency_hz
     if frequency_hz is None:
         return "The load was watched; its frequency is not identifiable in this run."
     swings = f"The load swings at {frequency_hz:.4f} Hz"
+    if run.facts.is_chain:
+        return f"{swings}."
     if error_m is None:
         return f"{swings}; its cable has the length of the model."
     return f"{swings}; its cable is {_compared(error_m)} the model's."
@@ -123,11 +125,15 @@ def _move_sentence(run: RunLog, summary: Summary, error_m: float | None) -> str:
     if planned_rad is not None and abs(residual_rad - planned_rad) <= AS_PLANNED_RAD:
         return f"{keeps}, as planned ({planned_rad * 1e3:.1f} mrad)."
     instead = "" if planned_rad is None else f" instead of {planned_rad * 1e3:.1f} mrad"
-    if error_m is not None and _explains(run, summary, residual_rad):
-        return f"{keeps}{instead} because its cable is {_compared(error_m)} the model's."
     lost = summary.links["reference"].lost if "reference" in summary.links else 0
     if lost:
-        return f"{keeps}{instead}; {lost} references were lost on their way to the controller."
+        also = "" if error_m is None else f", and its cable is {_compared(error_m)} the model's"
+        return f"{keeps}{instead}; {lost} references were lost on their way{also}."
+    if error_m is not None and _explains(run, summary, residual_rad):
+        return f"{keeps}{instead} because its cable is {_compared(error_m)} the model's."
+    before_rad = summary.initial_swing_rad or 0.0
+    if before_rad > AS_PLANNED_RAD:
+        return f"{keeps}{instead}; it swung {before_rad * 1e3:.1f} mrad before the move."
     return f"{keeps}{instead}; the cause is not identifiable from this run."
 
 

@@ -23,6 +23,8 @@ class RunFacts(msgspec.Struct, frozen=True, kw_only=True):
     gravity_m_s2: float  # of [model]
     cable_length_m: float  # of [model]; 1 m where the load is a chain
     reference_delay_ms: float  # largest delay that the link fault model adds to a reference
+    damping_ratio: float = 0.0  # of [model]
+    is_chain: bool = False  # the load of [model] has links
 
 
 class EnvelopeFacts(msgspec.Struct, frozen=True):
@@ -54,20 +56,32 @@ def read_facts(data: bytes, path: Path) -> RunFacts:
     bytes that are not JSON.
     """
     tables = msgspec.json.decode(data)
-    length_m = _optional(tables, "model", "length_m")
-    delay_ms = _optional(tables, "links", "reference", "delay_ms")
-    jitter_ms = _optional(tables, "links", "reference", "jitter_ms")
+    length_m = number_at(tables, "model", "length_m")
+    delay_ms = number_at(tables, "links", "reference", "delay_ms")
+    jitter_ms = number_at(tables, "links", "reference", "jitter_ms")
     return RunFacts(
         rate_hz=_number(tables, path, "camera", "rate_hz"),
         average_frames=int(_number(tables, path, "vision", "average_frames")),
         gravity_m_s2=_number(tables, path, "model", "gravity_m_s2"),
         cable_length_m=1.0 if length_m is None else length_m,
         reference_delay_ms=(delay_ms or 0.0) + (jitter_ms or 0.0),
+        damping_ratio=number_at(tables, "model", "damping_ratio") or 0.0,
+        is_chain=bool(value_at(tables, "model", "links")),
     )
 
 
+def value_at(tables: Any, *keys: str) -> Any:
+    """Look up a key of nested tables; None where a table or the key is missing."""
+    value = tables
+    for key in keys:
+        if not isinstance(value, dict):
+            return None
+        value = value.get(key)
+    return value
+
+
 def _number(tables: Any, path: Path, *keys: str) -> float:
-    value = _optional(tables, *keys)
+    value = number_at(tables, *keys)
     if value is None:
         key = ".".join(keys)
         raise LogError(
@@ -77,11 +91,8 @@ def _number(tables: Any, path: Path, *keys: str) -> float:
     return value
 
 
-def _optional(tables: Any, *keys: str) -> float | None:
-    value = tables
-    for key in keys:
-        if not isinstance(value, dict):
-            return None
-        value = value.get(key)
+def number_at(tables: Any, *keys: str) -> float | None:
+    """Look up a number in nested tables; None where it is missing or is none."""
+    value = value_at(tables, *keys)
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     return float(value) if is_number else None

@@ -82,6 +82,19 @@ def planned_quantities(run: RunLog) -> Planned:
     )
 
 
+def model_quantities(run: RunLog) -> Quantities:
+    """Compute the quantities of the planner's cable, f0 = sqrt(g / L) / 2 pi; none of a chain."""
+    facts = run.facts
+    if facts.is_chain or facts.cable_length_m <= 0.0:
+        return Quantities()
+    omega_rad_s = math.sqrt(facts.gravity_m_s2 / facts.cable_length_m)
+    return Quantities(
+        natural_frequency_hz=omega_rad_s / (2 * math.pi),
+        damping_ratio=facts.damping_ratio,
+        cable_length_m=facts.cable_length_m,
+    )
+
+
 def swing_error(run: RunLog) -> SwingError:
     """Compute the error of the measured against the true angle, at unchanged stamps."""
     error = SwingError()

@@ -172,6 +172,7 @@ class Summary(msgspec.Struct, kw_only=True):
     refusals: dict[str, int] = {}  # frames without an angle, by reason
     swing_fit_rms_rad: float | None = None
     complete: bool = True
+    running_s: float | None = None  # duration so far, of a run that goes on
     loop_s: float | None = None
     cpu_share: dict[str, float] = {}  # of one core, by process, during the run; wall mode only
     scheduling: dict[str, str] = {}  # fifo or other, by task; wall mode only

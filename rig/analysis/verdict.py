@@ -34,6 +34,8 @@ def add_verdict(summary: Summary, run: RunLog, fit_failure: str) -> None:
 def _defects(summary: Summary, run: RunLog, fit_failure: str) -> list[str]:
     """List the reasons for the verdict bad that the run itself has not given."""
     defects = []
+    if summary.running_s is not None:
+        return [f"still running, {summary.running_s:.0f} s so far: analysed as far as it is logged"]
     if not summary.complete:
         defects.append(f"the log is incomplete: {run.log.damage}; the rest was analysed")
     if summary.exit_status != "ok":

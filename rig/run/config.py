@@ -23,7 +23,11 @@ Positive = Annotated[float, Meta(gt=0, le=1e6)]
 NotNegative = Annotated[float, Meta(ge=0, le=1e6)]
 Place = Annotated[float, Meta(ge=-10, le=10)]
 Pixel = Annotated[float, Meta(ge=-1e5, le=1e5)]
-Name = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_\-]{1,60}$")]
+Name = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_\-]{1,60}\Z")]
+BUS_PORTS = 3  # base_port .. base_port + 2 are the operator's, the channels follow
+PORTS = BUS_PORTS + len(DATA)
+MIN_PORT = 1024  # below it ports belong to the services of the system
+MAX_BASE_PORT = 65_535 - PORTS + 1
 
 
 class ExperimentSection(Section, frozen=True, kw_only=True):
@@ -59,7 +63,7 @@ class ModelSection(Section, frozen=True, kw_only=True):
     The masses enter the force model and the chain only.
     """
 
-    length_m: Annotated[float, Meta(gt=0, le=100)] | None = None  # of the cable; None = 1 m
+    length_m: Positive | None = None  # of the cable; None = 1 m
     # chain instead of the cable, from the platform down: "length:mass:kind" in m and kg, kind bar
     # or point
     links: list[str] = []
@@ -153,10 +157,20 @@ class VisionSection(Section, frozen=True, kw_only=True):
 
 
 class NetworkSection(Section, frozen=True, kw_only=True):
-    """`[network]`: address and first port; base_port = 0 takes free ports."""
+    """`[network]`: address and first port; base_port = 0 takes free ports.
 
-    base_port: Annotated[int, Meta(ge=0, le=65_000)] = 0
+    Raises ValueError for ports that the system reserves or that do not exist.
+    """
+
+    base_port: int = 0
     bind: str = "127.0.0.1"
+
+    def __post_init__(self) -> None:
+        if self.base_port and not MIN_PORT <= self.base_port <= MAX_BASE_PORT:
+            raise ValueError(
+                f"base_port = {self.base_port}; must be {MIN_PORT} to {MAX_BASE_PORT}, "
+                f"the first of {PORTS} ports, or 0 for free ones"
+            )
 
 
 class RecordSection(Section, frozen=True, kw_only=True):
@@ -257,6 +271,11 @@ def _read_tables(name_or_path: str) -> dict[str, Any]:
         return tomllib.loads((_folder("experiments") / f"{name_or_path}.toml").read_text())
     if path.is_file():
         return read_toml(path, "experiment")
+    if path.is_dir():
+        raise ConfigError(
+            f"experiment '{name_or_path}': a folder; must be a TOML file or a shipped experiment, "
+            f"{', '.join(known)}; a recorded run is shown by `rig analyze {name_or_path}`"
+        )
     raise ConfigError(
         f"experiment '{name_or_path}': no such file and not a shipped experiment"
         f"{nearest(name_or_path, known)}; shipped: {', '.join(known)}"

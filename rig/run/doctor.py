@@ -15,10 +15,10 @@ from typing import NamedTuple
 from comms.channels import CHANNELS, Transport
 from comms.errors import CommsError
 from comms.udp import UdpReceiver, port_is_free, receive_buffer_bytes
-from rig.run.config import NetworkSection, shipped_calibrations
+from rig.run.config import BUS_PORTS, NetworkSection, shipped_calibrations
 from rig.run.machine import MachineGrade, measure_machine
 from rig.run.runtime.children import PROCESSES
-from rig.run.runtime.ports import BUS_PORTS, channel_ports
+from rig.run.runtime.ports import channel_ports
 
 ROOMS = ("comms", "planners", "vision", "sim_rig", "rig")
 NEEDED = {

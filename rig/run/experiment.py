@@ -10,11 +10,14 @@ import msgspec
 
 from comms.clock import stopwatch_s, utc_now
 from comms.link import LinkFaults
+from planners.errors import PlanError
 from planners.problem import Plan
 from planners.trajectories.motion import Motion
+from rig.errors import ConfigError, Refused
 from rig.run import runs
 from rig.run.config import Experiment
 from rig.run.job import Job, plan_move, prepare
+from rig.run.load_model import planner_model
 from rig.run.runtime import bench
 from rig.run.runtime.execute import ClockMode, Progress, RunOutcome, execute
 
@@ -54,6 +57,23 @@ def run(
     outcome = execute(job, mode, folder, progress)  # streamer, controller, bench, vision, recorder
     twin = _run_twin(job, folder, progress) if outcome.exit_code == 0 else None
     return FinishedRun(folder, outcome, twin)
+
+
+def refusal(experiment: Experiment) -> str:
+    """Say why the planner of an experiment cannot run it; empty when it can.
+
+    Raises ConfigError for what no planner could mend: a model, a key.
+    """
+    planner_model(experiment)
+    try:
+        prepare(experiment, plan_move(experiment), bench.plant(experiment))
+    except Refused as error:
+        return str(error)
+    except ConfigError as error:
+        if isinstance(error.__cause__, PlanError):
+            return str(error)
+        raise
+    return ""
 
 
 def _run_twin(job: Job, folder: Path, progress: Progress) -> Path | None:

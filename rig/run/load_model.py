@@ -8,12 +8,15 @@ from planners.models.model import Model
 from planners.models.pendulum import PendulumModel
 from rig.errors import ConfigError
 from rig.run.config import Experiment, ModelSection
+from rig.run.units import CABLE, suspect
 
 CHAIN_KEYS = ("stiffness_n_m_rad", "joint_damping_n_m_s_rad", "tip_mass_kg")  # need links
 
 
 def planner_model(experiment: Experiment) -> Model:
     """Build the planner's model of an experiment's load; raises ConfigError naming the key."""
+    if experiment.model.length_m is not None:
+        suspect("[model] length_m =", experiment.model.length_m, CABLE)
     try:
         return build_model(experiment.model)
     except PlanError as error:

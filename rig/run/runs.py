@@ -34,7 +34,7 @@ def find_log(name: str, runs: Path) -> Path:
         return path / LOG
     if path.is_dir():
         raise RigError(f"{path}: a folder without {LOG}; name a run folder, a .mcap file or `last`")
-    known = _run_names(runs)
+    known = run_names(runs)
     if name == "last" and known:
         return runs / known[-1] / LOG
     matches = [run for run in known if name and name in run]
@@ -45,7 +45,7 @@ def find_log(name: str, runs: Path) -> Path:
     raise RigError(f"run '{name}': {what}; name a run folder, a .mcap file or `last` ({hint})")
 
 
-def _run_names(runs: Path) -> list[str]:
+def run_names(runs: Path) -> list[str]:
     """List the folders in runs that hold a log, oldest first."""
     if not runs.is_dir():
         return []

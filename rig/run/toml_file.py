@@ -15,8 +15,10 @@ from typing import Any, TypeVar, get_args, get_type_hints
 import msgspec
 
 from rig.errors import ConfigError, RenamedKey
+from rig.run.units import key_unit, other_unit, without_unit
 
 T = TypeVar("T")
+MAX_DEPTH = 32  # tables and lists within each other; the files of this program need 4
 
 
 class Section(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -68,9 +70,35 @@ def read_text(path: Path, what: str) -> str:
 def read_toml(path: Path, what: str, next_step: str = "correct that line") -> dict[str, Any]:
     """Read the tables of a file; raises ConfigError when it cannot be read or is not TOML."""
     try:
-        return tomllib.loads(read_text(path, what))
+        tables = tomllib.loads(read_text(path, what))
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"{what} '{path}' is not valid TOML: {error}; {next_step}") from None
+    except RecursionError:
+        raise _too_deep(f"{what} '{path}'") from None
+    if not _is_shallow(tables):
+        raise _too_deep(f"{what} '{path}'")
+    return tables
+
+
+def _is_shallow(tables: Any) -> bool:
+    """Tell whether tables and lists lie at most MAX_DEPTH deep in each other."""
+    level = [tables]
+    for _ in range(MAX_DEPTH):
+        inner: list[Any] = []
+        for table in level:
+            members = table.values() if isinstance(table, dict) else table
+            inner.extend(member for member in members if isinstance(member, dict | list))
+        if not inner:
+            return True
+        level = inner
+    return False
+
+
+def _too_deep(what: str) -> ConfigError:
+    return ConfigError(
+        f"{what} has tables or lists within each other; must be <= {MAX_DEPTH} deep: "
+        "write [section] and key = value"
+    )
 
 
 def override(tables: dict[str, Any], text: str) -> None:
@@ -86,14 +114,17 @@ def override(tables: dict[str, Any], text: str) -> None:
         raise ConfigError(
             f"--set '{text}': must be section.key=value, for example --set move.distance_m=0.1"
         )
+    new_value = _value(value.strip())
+    if len(keys) > MAX_DEPTH or not _is_shallow([new_value]):
+        raise _too_deep(f"--set {keys[0]}...")
     table: Any = tables
     for key in keys[:-1]:
         table = _descend(table, key, text)
     if isinstance(table, list):
         _descend(table, keys[-1], text)
-        table[int(keys[-1])] = _value(value.strip())
+        table[int(keys[-1])] = new_value
     else:
-        table[keys[-1]] = _value(value.strip())
+        table[keys[-1]] = new_value
 
 
 def _descend(table: Any, key: str, text: str) -> Any:
@@ -115,6 +146,8 @@ def _value(text: str) -> Any:
         return tomllib.loads(f"v = {text}")["v"]
     except tomllib.TOMLDecodeError:
         return text  # a bare word is a string
+    except RecursionError:
+        raise _too_deep("--set") from None
 
 
 def _explain(message: str, data: Any, kind: type, section: str) -> str:
@@ -141,8 +174,17 @@ def _explain(message: str, data: Any, kind: type, section: str) -> str:
         allowed = get_args(_type_at(kind, inner))
         what = f"must be one of {', '.join(map(repr, allowed))}{nearest(str(value), allowed)}"
     where = f"[{'.'.join(keys[:-1])}] {keys[-1]}" if keys else "the file"
-    problem = f"{what[0].lower()}{what[1:]}"
+    problem = f"{what[0].lower()}{what[1:]}{_unit_hint(keys, value)}"
     return f"{where} = {value!r}: {problem}; correct the value".removeprefix("[] ")
+
+
+def _unit_hint(keys: list[str], value: Any) -> str:
+    """Word what a value would be in another unit, or without the unit that it carries."""
+    key = keys[-1] if keys else ""
+    if not isinstance(value, str):
+        return other_unit(key, value)
+    advice = without_unit(value, key_unit(key)) if key_unit(key) else ""
+    return f"; it {advice}" if advice else ""
 
 
 def _type_at(kind: Any, keys: list[str]) -> Any:

@@ -52,13 +52,18 @@ class DecayFit:
     periods: float
     samples: int
 
-    def angle(self, t_s: FloatArray) -> FloatArray:
-        """Compute the angle [rad] at t_s (any shape), with offset, without moving average."""
+    def angle(
+        self, t_s: FloatArray, *, average_frames: int = 1, frame_period_s: float = 0.0
+    ) -> FloatArray:
+        """Compute the angle [rad] at t_s (any shape), with offset.
+
+        average_frames > 1: as a moving average over frames frame_period_s apart measures it.
+        """
         angle: FloatArray = free_swing(
             self._parameters(),
             np.asarray(t_s) - self.t_start_s,
-            average_frames=1,
-            frame_period_s=0.0,
+            average_frames=average_frames,
+            frame_period_s=frame_period_s,
         )
         return angle
 

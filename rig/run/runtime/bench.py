@@ -15,6 +15,7 @@ from rig.run.config import Experiment
 from rig.run.job import Plant, safety_envelope
 from rig.run.tasks.controller.task import COUNTING_POLICY
 from rig.run.toml_file import convert
+from rig.run.units import CABLE, SWING, suspect
 from sim_rig.input_check import InputBounds
 from sim_rig.params import BenchParams, CameraParams, PendulumParams, RobotParams, View
 from sim_rig.task import BenchTask
@@ -30,6 +31,10 @@ def params(experiment: Experiment) -> BenchParams:
             "[bench] kind = 'external': there is no driver for an external plant; "
             "must be 'simulated'"
         )
+    for key, usual in (("length_m", CABLE), ("initial_swing_rad", SWING)):
+        value = bench.pendulum.get(key)
+        if isinstance(value, int | float):
+            suspect(f"[bench.pendulum] {key} =", value, usual)
     try:
         return BenchParams(
             pendulum=convert(bench.pendulum, PendulumParams, "bench.pendulum"),

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from comms.channels import CHANNELS, DATA, Transport
 from comms.udp import free_ports
-
-BUS_PORTS = 3  # base_port .. base_port + 2 are the operator's, the channels follow
+from rig.run.config import BUS_PORTS
 
 
 def channel_ports(host: str, base_port: int) -> dict[str, int]:

@@ -23,6 +23,7 @@ from comms.runner import START_TIMEOUT_NS
 from comms.task import Step
 from rig.errors import FAULT, REFUSED, STOPPED, Refused
 from rig.run.recorder import Recorder
+from rig.run.running import ADDRESS_FILE
 from rig.run.runtime.children import Children
 from rig.run.runtime.cpu_meter import CpuMeter
 from rig.run.runtime.inbox import Inbox
@@ -35,7 +36,6 @@ PRIORITY = 5  # SCHED_FIFO of the operator, below all tasks, where it is allowed
 MAX_WAIT_MS = 40  # longest wait for a message; then signals and the clock are checked
 CHECK_PERIOD_NS = 100 * MS  # of processes, disk and progress
 SHUTDOWN_TIMEOUT_NS = 3_000 * MS  # from the close order, plus the delay of the links
-ADDRESS_FILE = "operator.json"  # in the folder of the run; `rig stop` reads it
 
 
 class ProcessRunner:

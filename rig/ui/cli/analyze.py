@@ -8,16 +8,23 @@ from typing import Annotated
 
 import typer
 
+from comms.clock import utc_now
+from comms.errors import LogError
 from rig.analysis.analyze import RunAnalysis
+from rig.run import running
 from rig.run import runs as folders
-from rig.ui.cli.output import out, print_json, print_summary
+from rig.ui.cli import completion
+from rig.ui.cli.output import print_json, print_summary
+from rig.ui.cli.page import print_whole, print_written
 
 
 def analyze(
     name: Annotated[
         str,
         typer.Argument(
-            metavar="RUN", help="Run folder, .mcap file, part of the run id, or `last`."
+            metavar="RUN",
+            help="Run folder, .mcap file, part of the run id, or `last`.",
+            autocompletion=completion.recorded_runs,
         ),
     ],
     csv_file: Annotated[
@@ -39,13 +46,16 @@ def analyze(
 ) -> int:
     """Compute swing, frequency, damping ratio, latencies and ledger from a log.
 
-    A log that was cut short is analysed up to its end.
+    A log that was cut short, and that of a run that goes on, are analysed up to their end.
     """
-    analysis = RunAnalysis(folders.find_log(name, runs))
+    analysis = _analysis(folders.find_log(name, runs))
     if csv_file is not None:
         _write_csv(analysis, csv_file)
+    report_file = None
     if report:
         from rig.ui.report import write
+
+        report_file = analysis.run.folder / folders.REPORT
 
         twin_log = analysis.run.folder / "twin" / folders.LOG
         twin = RunAnalysis(twin_log) if twin_log.is_file() else None
@@ -54,8 +64,24 @@ def analyze(
         print_json(analysis.summary)
     else:
         print_summary(analysis.summary)
-        out.print(str(analysis.run.log.path), style="bold")
+        print_whole(str(analysis.run.log.path), "bold")
+        print_written(csv_file, report_file)
     return analysis.summary.exit_code
+
+
+def _analysis(log: Path) -> RunAnalysis:
+    """Analyse a log; raises LogError."""
+    started_s = running.started_s(log.parent)
+    if started_s is None:
+        return RunAnalysis(log)
+    running_s = max(0.0, utc_now().timestamp() - started_s)
+    try:
+        return RunAnalysis(log, running_s)
+    except LogError as error:
+        raise LogError(
+            f"{log.parent.name}: still running, {running_s:.0f} s so far; "
+            "too little is logged yet, analyse it later"
+        ) from error
 
 
 def _write_csv(analysis: RunAnalysis, path: Path) -> None:

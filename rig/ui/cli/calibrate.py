@@ -8,7 +8,6 @@ from typing import Annotated
 
 import typer
 from rich.progress import Progress
-from rich.table import Table
 
 from rig.analysis.identify.offsets import OffsetCalibration
 from rig.analysis.run_log import RunLog
@@ -18,7 +17,11 @@ from rig.run.calibration import file as calibration_file
 from rig.run.calibration import tour as calibration_run
 from rig.run.runs import LOG
 from rig.run.tasks.operator import Operator
-from rig.ui.cli.output import err, out, print_json
+from rig.ui.cli import completion
+from rig.ui.cli.output import print_json
+from rig.ui.cli.page import boxed_table, err, print_paragraph, print_table, print_whole
+
+OFFSET_COLUMNS = ("x [m]", "offset [mrad]", "sigma [mrad]", "swing [mrad]")
 
 app = typer.Typer(no_args_is_help=True, help="Measure the calibration tables of the tracker.")
 
@@ -39,7 +42,12 @@ def offsets(
         ),
     ] = None,
     name: Annotated[
-        str, typer.Option("--experiment", help="Experiment that gives rig, links and model.")
+        str,
+        typer.Option(
+            "--experiment",
+            help="Experiment that gives rig, links and model.",
+            autocompletion=completion.experiments,
+        ),
     ] = "move",
     seed: Annotated[
         int | None, typer.Option(help="Seed of the image noise; the experiment's by default.")
@@ -96,16 +104,15 @@ def offsets(
 def _print_calibration(
     found: OffsetCalibration, calibration: calibration_file.Calibration, path: Path
 ) -> None:
-    table = Table(title=f"angle offset over position, {calibration.camera}", title_justify="left")
-    for heading in ("x [m]", "offset [mrad]", "sigma [mrad]", "swing [mrad]"):
-        table.add_column(heading, justify="right")
+    title = f"angle offset over position, {calibration.camera}"
+    table = boxed_table(title, OFFSET_COLUMNS, left=0)
     for x, offset, sigma, swing in zip(
         found.x_m, found.offset_rad, found.sigma_offset_rad, found.amplitude_rad, strict=True
     ):
         table.add_row(f"{x:.4f}", f"{offset * 1e3:.4f}", f"{sigma * 1e3:.4f}", f"{swing * 1e3:.2f}")
-    out.print(table)
+    print_table(table)
     u, v = found.pivot_home_px
     row = "" if found.row_observed else " (row not observable at this swing: unchanged)"
-    out.print(f"pivot at home ({u:.2f}, {v:.2f}) px{row}, {found.pixels_per_m:.2f} px/m")
-    option = f"--set vision.calibration={shlex.quote(str(path))}"
-    out.print(f"{path}  use it with {option}", style="bold")
+    print_paragraph(f"pivot at home ({u:.2f}, {v:.2f}) px{row}, {found.pixels_per_m:.2f} px/m")
+    print_whole(f"written: {path}", "bold")
+    print_whole(f"use it with --set vision.calibration={shlex.quote(str(path))}")

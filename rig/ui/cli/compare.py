@@ -16,7 +16,8 @@ from rig.studies.thesis_tables import table as tables
 from rig.studies.thesis_tables.published import TABLES
 from rig.studies.thesis_tables.table import RowComparison, tolerance
 from rig.ui.cli import compare_tables
-from rig.ui.cli.output import out, print_json, working
+from rig.ui.cli.output import print_json, working
+from rig.ui.cli.page import print_whole, print_written
 from rig.ui.plots.picture_file import check_folder
 
 CHOICES = (*TABLES, "all", "sensitivity")
@@ -67,6 +68,7 @@ def compare(
         print_json({"rows": [_document(comparison) for comparison in every]})
     else:
         compare_tables.print_summary(every)
+        print_written(csv_file)
     return 0 if all(comparison.as_expected for comparison in every) else BAD_DATA
 
 
@@ -100,7 +102,7 @@ def _sensitivity(plot: Path | None, csv_file: Path | None, as_json: bool) -> int
     if as_json:
         print_json(document)
     else:
-        out.print(f"{len(document)} curves drawn into {path}")
+        print_whole(f"{len(document)} curves drawn into {path}")
     return 0
 
 

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import os
-import shutil
-import sys
 from collections import Counter
 from collections.abc import Sequence
 
-from rich.console import Console
-from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
 from rig.studies.thesis_tables.published import METHODS
 from rig.studies.thesis_tables.table import RowComparison
+from rig.ui.cli import page
+from rig.ui.cli.page import is_fitting, out, print_paragraph
 
-FILE_WIDTH = 140  # columns of a line in a file; the widest table needs 134
 SHOWN_AS_ZERO_RAD = 1e-12  # a residual below it is rounding, shown as 0
 STYLE = {"reproduced": "green", "partly": "yellow", "false": "red", "no entry": "dim"}
 UNITS = {  # ending of a column name: unit shown, scale
@@ -48,40 +44,31 @@ LEGEND = (
 
 def print_table(name: str, comparisons: Sequence[RowComparison]) -> None:
     """Print one published table; as one block a row where the page is too narrow."""
-    page = _page()
     notes: dict[str, int] = {}
     labels = [_label(c, notes) for c in comparisons]
     load = "two bars" if comparisons[0].row.bars else "pendulum"
-    page.print(f"Table {name}: {load}, 0.2 m from rest to rest", style="italic")
-    page.print(_glossary(comparisons), style="dim")
+    title = f"Table {name}: {load}, 0.2 m from rest to rest; {_counts(comparisons)}"
+    print_paragraph(title, "italic")
+    print_paragraph(_glossary(comparisons), "dim")
     table = _wide_table(comparisons, labels)
-    options = page.options.update(width=FILE_WIDTH)
-    width = Measurement.get(Console(width=FILE_WIDTH), options, table).maximum
-    if width <= page.width:
-        page.print(table)
+    if is_fitting(table):
+        out.print(table)
     else:
         for c, label in zip(comparisons, labels, strict=True):
-            page.print(_narrow_table(c, label))
+            page.print_table(_narrow_table(c, label))
     for reason, number in notes.items():
-        page.print(f"({number}) {reason}")
+        print_paragraph(f"({number}) {reason}")
     for c in comparisons:
         if not c.as_expected:
-            page.print(_unexpected_line(c), style="bold red")
-    page.print()
+            print_paragraph(_unexpected_line(c), "bold red")
+    out.print()
 
 
 def print_summary(every: Sequence[RowComparison]) -> None:
     """Print the legend and the number of rows by verdict."""
-    page = _page()
-    page.print("\n".join(LEGEND), style="dim")
-    page.print(_summary(every))
-
-
-def _page() -> Console:
-    """Create a console with the width of the terminal or of COLUMNS; FILE_WIDTH for a file."""
-    is_known = sys.stdout.isatty() or "COLUMNS" in os.environ
-    width = shutil.get_terminal_size().columns if is_known else FILE_WIDTH
-    return Console(width=width, highlight=False, markup=False)
+    for line in LEGEND:
+        print_paragraph(line, "dim")
+    print_paragraph(_summary(every))
 
 
 def _unexpected_line(c: RowComparison) -> str:
@@ -177,14 +164,20 @@ def _time(seconds: float | None) -> str:
     return f"{value:.3g} {unit}" if value < 1e3 else f"{value:.0f} {unit}"
 
 
-def _summary(every: Sequence[RowComparison]) -> str:
-    verdicts = Counter(str(c.row.verdict) for c in every)
+def _counts(comparisons: Sequence[RowComparison]) -> str:
+    """Count the rows by verdict."""
+    verdicts = Counter(str(c.row.verdict) for c in comparisons)
     counts = ", ".join(f"{verdicts[verdict]} {verdict}" for verdict in STYLE if verdicts[verdict])
+    return f"{len(comparisons)} rows: {counts}"
+
+
+def _summary(every: Sequence[RowComparison]) -> str:
     refused = sum(bool(c.refused) for c in every)
-    text = f"{len(every)} rows: {counts}"
+    text = _counts(every)
     if refused:
+        reproduced = sum(c.row.verdict == "reproduced" for c in every)
         text += (
             f"; {refused} of the dashes are moves too short for their shaper, refused here too: "
-            f"{verdicts['reproduced'] + refused} rows agree with the source"
+            f"{reproduced + refused} rows agree with the source"
         )
     return text

@@ -6,14 +6,15 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.table import Table
 from rich.text import Text
 
-from rig.errors import REFUSED
+from rig.errors import REFUSED, ConfigError
 from rig.run.config import NetworkSection
 from rig.run.doctor import examine
-from rig.ui.cli.output import err, out, print_json
+from rig.ui.cli.output import print_json
+from rig.ui.cli.page import Column, boxed_table, err, print_paragraph, print_table
 
+COLUMNS = ("status", "check", Column("finding, advice", folds=True))
 COLOUR = {"ok": "green", "warning": "yellow", "failed": "red"}
 
 
@@ -30,19 +31,27 @@ def doctor(
 
     Exit code 3 when a run would fail.
     """
+    network = _network(base_port)
     with err.status("checking ports, disk, versions, and the timer for three seconds"):
-        examined = examine(runs, NetworkSection(base_port=base_port))
+        examined = examine(runs, network)
     checks = examined.findings
     failed = [c for c in checks if c.status == "failed"]
     if as_json:
         grade = examined.machine.grade.name.lower()
         print_json({"ok": not failed, "grade": grade, "checks": [c._asdict() for c in checks]})
         return REFUSED if failed else 0
-    table = Table(show_header=False)
+    table = boxed_table("", COLUMNS, left=len(COLUMNS))
     for check in checks:
-        table.add_row(
-            Text(check.status, style=COLOUR[check.status]), check.name, check.found, check.advice
-        )
-    out.print(table)
-    out.print(examined.verdict, style="red" if failed else "green")
+        finding = f"{check.found}\n{check.advice}" if check.advice else check.found
+        table.add_row(Text(check.status, style=COLOUR[check.status]), check.name, finding)
+    print_table(table)
+    print_paragraph(examined.verdict, "red" if failed else "green")
     return REFUSED if failed else 0
+
+
+def _network(base_port: int) -> NetworkSection:
+    """Describe the ports to check; raises ConfigError for ports that no run may use."""
+    try:
+        return NetworkSection(base_port=base_port)
+    except ValueError as error:
+        raise ConfigError(f"--{error}".replace("_", "-", 1)) from None

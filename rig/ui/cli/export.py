@@ -11,14 +11,17 @@ from comms.mcap_log import read_log
 from rig.analysis.tables import write_csv, write_parquet
 from rig.errors import BAD_DATA, OK, ConfigError
 from rig.run.runs import find_log
-from rig.ui.cli.output import out
+from rig.ui.cli import completion
+from rig.ui.cli.page import print_paragraph, print_whole
 
 
 def export(
     name: Annotated[
         str,
         typer.Argument(
-            metavar="RUN", help="Run folder, .mcap file, part of a run's name, or `last`."
+            metavar="RUN",
+            help="Run folder, .mcap file, part of a run's name, or `last`.",
+            autocompletion=completion.recorded_runs,
         ),
     ],
     csv: Annotated[
@@ -38,8 +41,8 @@ def export(
             continue
         folder.mkdir(parents=True, exist_ok=True)
         written = write(log, folder)
-        out.print(f"{len(written)} tables written to {folder}")
+        print_whole(f"{len(written)} tables written to {folder}")
     if not log.complete:
-        out.print(f"the log is incomplete: {log.damage}; the tables hold what is left")
+        print_paragraph(f"the log is incomplete: {log.damage}; the tables hold what is left")
         return BAD_DATA
     return OK

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
 from rich.text import Text
 
 from planners.errors import unknown_name
@@ -18,23 +17,43 @@ from planners.models.pendulum import PendulumModel
 from planners.spectra.swing_free import swing_free_cycles
 from rig.errors import ConfigError
 from rig.run.config import LimitsSection, ModelSection
+from rig.run.units import CABLE, suspect
 from rig.studies.laws_under_limits import DERIVATIVE_NAMES, LawMove, law_move, period_s
 from rig.studies.published_laws import FIGURES, PUBLISHED, wrong_figures
-from rig.ui.cli.output import PLAIN, out, plain_table, print_json, wide, working
+from rig.ui.cli import completion
+from rig.ui.cli.output import print_json, working
+from rig.ui.cli.page import (
+    Column,
+    PageTable,
+    plain_table,
+    print_paragraph,
+    print_table,
+    print_written,
+)
 
 HEADERS = ("Cv", "Ca", "Cv rms", "Ca rms")
+CATALOGUE_COLUMNS = (
+    "law",
+    Column("class", drop=3),
+    "Cv",
+    "Ca",
+    Column("Cv rms", drop=2),
+    Column("Ca rms", drop=1),
+    "zero residual at T/Tn",
+)
+PUBLISHED_COLUMNS = ("law", "", *HEADERS, "note")
 CYCLES = 6.0  # longest zero-residual-vibration duration searched [load periods]
 SHOWN_DURATIONS = 3  # zero-residual-vibration durations listed for a law
 MOVES_COLUMNS = (
     "law\n",
-    "class\n",
-    "active\nlimits\n",
+    Column("class\n", drop=2),
+    Column("active\nlimits\n", drop=4),
     "minimum\ntime\n[s]",
     "peak\nspeed\n[m/s]",
     "peak\nacceleration\n[m/s²]",
-    "peak\njerk\n[m/s³]",
+    Column("peak\njerk\n[m/s³]", drop=3),
     "residual\namplitude\n[mrad]",
-    "nonlinear\nresidual\n[mrad]",
+    Column("nonlinear\nresidual\n[mrad]", drop=1),
     "zero-residual\nduration\n[s]",
 )
 LEGEND = (
@@ -111,6 +130,7 @@ def compare(
     """Compare the minimum time, peaks and residual swing of every law under limits."""
     limits = (vmax, amax, math.inf if jmax is None else jmax, math.inf if smax is None else smax)
     _check(distance, limits)
+    suspect("--load-length", load_length, CABLE)
     load = PendulumModel(length_m=load_length)
     with working("fitting every law to the limits"):
         moves = [law_move(name, distance, limits, load) for name in LAWS]
@@ -132,19 +152,24 @@ def compare(
 
 
 def _print_moves(moves: list[LawMove], title: str) -> None:
-    wide.print(_moves_table([move for move in moves if not move.reason], title))
+    print_table(_moves_table([move for move in moves if not move.reason], title))
     excluded: dict[str, list[str]] = {}
     for move in moves:
         if move.reason:
             excluded.setdefault(move.reason, []).append(move.name)
     for reason, names in excluded.items():
-        out.print(f"not within the limits: {', '.join(names)}: {reason}", style="yellow")
-    out.print("\n".join(MOVES_LEGEND), style="dim")
+        line = f"not within the limits: {', '.join(names)}: {reason}"
+        print_paragraph(line, "yellow", "  ")
+    for line in MOVES_LEGEND:
+        print_paragraph(line, "dim")
 
 
 @app.command()
 def plot(
-    names: Annotated[list[str] | None, typer.Argument(help="Laws to draw; all by default.")] = None,
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(help="Laws to draw; all by default.", autocompletion=completion.laws),
+    ] = None,
     path: Annotated[Path, typer.Option("--plot", help="Figure file: .svg, .png or .pdf.")] = Path(
         "laws.svg"
     ),
@@ -164,7 +189,7 @@ def plot(
     if as_json:
         print_json({"file": str(path), "laws": chosen})
     else:
-        out.print(f"{len(chosen)} laws drawn into {path}")
+        print_written(path)
     return 0
 
 
@@ -202,20 +227,20 @@ def _document(row: Coefficients, published: bool) -> dict[str, Any]:
 def _print_catalogue(rows: list[Coefficients]) -> None:
     with working("computing the zero-residual-vibration durations"):
         free = [swing_free_cycles(LAWS[row.name](1.0), CYCLES) for row in rows]
-    headers = ("law", "class", *HEADERS, "zero residual at T/Tn")
-    view = plain_table("Motion laws from rest to rest", headers, left=2)
+    view = plain_table("Motion laws from rest to rest", CATALOGUE_COLUMNS, left=2)
     for row, zeros in zip(rows, free, strict=True):
         figures = (f"{getattr(row, key):.6f}" for key in FIGURES)
         durations = "  ".join(f"{zero:.4f}" for zero in zeros[:SHOWN_DURATIONS].tolist())
         view.add_row(row.name, row.continuity, *figures, durations)
-    wide.print(view)
-    out.print("\n".join(LEGEND), style="dim")
+    print_table(view)
+    for line in LEGEND:
+        print_paragraph(line, "dim")
 
 
 def _print_published(rows: list[Coefficients]) -> None:
-    view = Table(title="Coefficients: printed in source 000, and computed", **PLAIN)
-    for header in ("law", "", *HEADERS, ""):
-        view.add_column(header, justify="right" if header in HEADERS else "left", no_wrap=True)
+    title = "Coefficients: printed in source 000, and computed"
+    view = plain_table(title, PUBLISHED_COLUMNS, left=2)
+    notes: dict[str, int] = {}  # reason of a difference: its number below the table
     for row in rows:
         source = PUBLISHED.get(row.name)
         if source is None:
@@ -226,14 +251,19 @@ def _print_published(rows: list[Coefficients]) -> None:
             mark, style = ("≠", "yellow") if key in wrong else (" ", "")
             printed.append(Text(f"{figure:.4f}{mark}", style))
         computed = (f"{getattr(row, key):.6f} " for key in FIGURES)
-        view.add_row(row.name, "printed", *printed, source.reason)
+        note = ""
+        if source.reason:
+            note = str(notes.setdefault(source.reason, len(notes) + 1))
+        view.add_row(row.name, "printed", *printed, note)
         view.add_row("", "computed", *computed, "", end_section=True)
-    wide.print(view)
+    print_table(view)
+    for reason, number in notes.items():
+        print_paragraph(f"  {number}. {reason}", "dim", "     ")
     absent = ", ".join(name for name in LAWS if name not in PUBLISHED)
-    out.print(f"≠: differs by more than rounding. Not in source 000: {absent}.", style="dim")
+    print_paragraph(f"≠: differs by more than rounding. Not in source 000: {absent}.", "dim")
 
 
-def _moves_table(moves: list[LawMove], title: str) -> Table:
+def _moves_table(moves: list[LawMove], title: str) -> PageTable:
     view = plain_table(title, MOVES_COLUMNS, left=3)
     for m in moves:
         view.add_row(

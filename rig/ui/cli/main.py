@@ -13,8 +13,9 @@ from comms.errors import CommsError, LogError
 from planners.errors import PlanError
 from rig.analysis.identify.errors import AnalysisError
 from rig.drives.servo.errors import ServoError
-from rig.errors import BAD_DATA, EXIT_STATUS, REFUSED, USAGE, RenamedKey, RigError
+from rig.errors import BAD_DATA, EXIT_STATUS, REFUSED, USAGE, RenamedKey, RigError, StrangeValue
 from rig.ui.cli.verbs import RigGroup
+from rig.ui.text import without_controls
 from vision.errors import VisionError
 
 KNOWN = (RigError, CommsError, PlanError, VisionError, AnalysisError, ServoError)
@@ -93,8 +94,13 @@ def _explain(error: OSError) -> tuple[str, int]:
 def _fail(message: str, code: int) -> int:
     if _wants_json():
         _print_refusal(message, code)
-    print(f"rig: {message}", file=sys.stderr)
+    _say(message)
     return code
+
+
+def _say(message: str) -> None:
+    """Print a message on stderr; texts of files in it cannot steer the terminal."""
+    print(f"rig: {without_controls(message)}", file=sys.stderr)
 
 
 def _wants_json() -> bool:
@@ -116,9 +122,9 @@ def _show_warning(
     file: TextIO | None = None,
     line: str | None = None,
 ) -> None:
-    """Print a renamed key as a note; any other warning as Python does."""
-    if issubclass(category, RenamedKey):
-        print(f"rig: note: {message}", file=sys.stderr)
+    """Print a renamed key or a strange value as a note; any other warning as Python does."""
+    if issubclass(category, RenamedKey | StrangeValue):
+        _say(f"note: {message}")
         return
     text = warnings.formatwarning(message, category, filename, lineno, line)
     print(text, end="", file=file or sys.stderr)

@@ -11,9 +11,11 @@ from planners.laws import LAWS
 from rig.drives.motor import check_motor
 from rig.errors import REFUSED, ConfigError
 from rig.run.toml_file import read_toml
+from rig.run.units import TURN, suspect
 from rig.studies.sizing.motor_task import EXAMPLES, example_tables, task_of
-from rig.ui.cli import motor_check_tables
+from rig.ui.cli import completion, motor_check_tables
 from rig.ui.cli.output import print_json
+from rig.ui.cli.page import print_written
 
 REQUIRED_KEYS = {  # table and key: option that gives it
     ("motor", "continuous_torque_n_m"): "--continuous-torque",
@@ -74,7 +76,11 @@ def motor_check(
         typer.Option(help="Pinion radius for --distance \\[m]; lead / 2π for a screw."),
     ] = None,
     law: Annotated[
-        str | None, typer.Option(help=f"Motion law: {', '.join(LAWS)}; cycloidal by default.")
+        str | None,
+        typer.Option(
+            help=f"Motion law: {', '.join(LAWS)}; cycloidal by default.",
+            autocompletion=completion.laws,
+        ),
     ] = None,
     angle: Annotated[
         float | None, typer.Option(help="Angle of the output shaft \\[rad], or --distance.")
@@ -109,6 +115,8 @@ def motor_check(
         raise ConfigError(
             f"--example {example} with file '{file}'; must be one of the two: omit one"
         )
+    if angle is not None:
+        suspect("--angle", angle, TURN)
     tables: dict[str, Any] = {}
     if file is not None:
         tables = read_toml(file, "motor task")
@@ -153,6 +161,7 @@ def motor_check(
         print_json(motor_check_tables.document(task, verdict))
     else:
         motor_check_tables.print_tables(task, verdict)
+        print_written(plot)
     return 0 if verdict.feasible else REFUSED
 
 

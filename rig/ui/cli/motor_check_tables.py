@@ -9,7 +9,7 @@ from rich.table import Table
 
 from rig.drives.motor import LIMIT_EXCESS_REL, Verdict
 from rig.studies.sizing.motor_task import MotorTask
-from rig.ui.cli.output import out, wide
+from rig.ui.cli.page import Column, boxed_table, print_paragraph, print_table
 
 LIMIT_NAMES = {
     "torque": "peak torque",
@@ -83,19 +83,19 @@ def violations(task: MotorTask, v: Verdict) -> list[str]:
 
 def print_tables(task: MotorTask, v: Verdict) -> None:
     """Print required values, limits and margins, and the verdict."""
-    wide.print(_check_table(task, v))
+    print_table(_check_table(task, v))
     d = task.drivetrain
-    out.print(
+    print_paragraph(
         f"at the motor shaft: inertia {d.inertia_kg_m2:.6g} kg m², "
         f"viscous friction {d.friction_n_m_s_rad:.6g} N m s/rad"
     )
     if task.published.reason:
-        out.print(f"≠ {task.published.reason}", style="dim")
+        print_paragraph(f"≠ {task.published.reason}", "dim")
     for reason in violations(task, v):
-        out.print(f"  - {reason}")
+        print_paragraph(f"  - {reason}", indent="    ")
     verdict = "feasible" if v.feasible else "not feasible"
     tightest = f"least margin: {LIMIT_NAMES[v.tightest]}, {v.margins[v.tightest]:+.2%}"
-    out.print(f"verdict: {verdict}; {tightest}", style="green" if v.feasible else "red")
+    print_paragraph(f"verdict: {verdict}; {tightest}", "green" if v.feasible else "red")
 
 
 def _check_table(task: MotorTask, v: Verdict) -> Table:
@@ -106,12 +106,10 @@ def _check_table(task: MotorTask, v: Verdict) -> Table:
         distance = f"{motion.distance_rad:g} rad"
     rest = f", {motion.rest_s:g} s rest" if motion.rest_s else ""
     title = f"{motion.law}: {distance} in {v.effort.duration_s:g} s{rest}"
-    view = Table(title=title, title_justify="left")
-    headers = ["limit", "required", "at", "allowed", "margin"]
+    columns: list[str | Column] = ["limit", "required", Column("at", drop=1), "allowed", "margin"]
     if task.has_figures:
-        headers.append("source prints")
-    for header in headers:
-        view.add_column(header, justify="left" if header == "limit" else "right", no_wrap=True)
+        columns.append(Column("source prints", drop=2))
+    view = boxed_table(title, columns)
     for row in _check_rows(task, v):
         margin = v.margins[row.limit]
         allowed, margin_text = "unlimited", ""

@@ -4,36 +4,39 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
 import msgspec
-from rich.console import Console, JustifyMethod
 from rich.table import Table
 
 from rig.analysis.conclusion import Conclusion
 from rig.analysis.summary import QUANTITIES, LinkSummary, Quantities, Summary
-from rig.errors import OK
+from rig.ui.cli.page import (
+    Column,
+    boxed_table,
+    err,
+    out,
+    plain_table,
+    print_command,
+    print_paragraph,
+    print_table,
+    print_whole,
+)
 
-
-class _PipeConsole(Console):
-    """Console that ends with exit code 0 when its reader closes the pipe, e.g. `| head`."""
-
-    def on_broken_pipe(self) -> None:
-        """End the process with exit code 0."""
-        try:
-            super().on_broken_pipe()
-        except SystemExit:
-            raise SystemExit(OK) from None
-
-
-out = _PipeConsole(highlight=False, soft_wrap=True, markup=False)
-# 140 columns for tables: a narrower terminal wraps their lines and cuts nothing
-wide = _PipeConsole(width=140, highlight=False, markup=False)
-err = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
-
-PLAIN: Any = {"title_justify": "left", "box": None, "padding": (0, 2, 0, 0)}
+EVENT_INDENT = " " * 12  # of the further lines of an event, below its text
+QUANTITY_COLUMNS = ("", Column("planned", drop=1), "measured ± noise", "true")
+LEDGER_COLUMNS = (
+    "link",
+    "sent",
+    "delivered",
+    "lost",
+    Column("rejected", folds=True),
+    Column("duplicates", drop=2),
+    Column("late", drop=1),
+    "unaccounted",
+)
 COLOUR = {"good": "green", "doubtful": "yellow", "bad": "red"}
 
 
@@ -58,25 +61,6 @@ def working(what: str, *, quiet: bool = False) -> Iterator[None]:
     yield
 
 
-def plain_table(title: str, headers: Sequence[str], left: int = 1) -> Table:
-    """Create a table without lines; the first `left` columns are text, the others numbers.
-
-    A header may have several lines: name and unit.
-    """
-    view = Table(title=title, **PLAIN)
-    most_breaks = max(header.count("\n") for header in headers)
-    for k, header in enumerate(headers):
-        padding = "\n" * (most_breaks - header.count("\n"))  # the last lines share one row
-        justify: JustifyMethod = "left" if k < left else "right"
-        view.add_column(padding + header, justify=justify, no_wrap=True)
-    return view
-
-
-def print_paragraph(text: str, style: str | None = None) -> None:
-    """Print a paragraph, wrapped at the width of the terminal."""
-    out.print(text, style=style, soft_wrap=False)
-
-
 def _finite(value: Any) -> Any:
     """Replace NaN and infinity by None, at any depth."""
     if isinstance(value, float) and not math.isfinite(value):
@@ -91,31 +75,31 @@ def _finite(value: Any) -> Any:
 def print_summary(s: Summary) -> None:
     """Print the results of a run: quantities, delays, ledger, events and verdict."""
     out.print()
-    out.print(_quantities(s))
-    out.print("\n".join(_status_lines(s)))
+    print_table(_quantities(s))
+    for line in _status_lines(s):
+        print_paragraph(line, indent="  ")
     if s.links:
-        out.print(_ledger(s.links))
+        print_table(_ledger(s.links))
     for event in s.events:
-        out.print(event, style="dim")
-    out.print(
-        f"verdict: {s.verdict} ({s.exit_status}, {s.mode})", style=f"{COLOUR[s.verdict]} bold"
-    )
+        print_paragraph(event, "dim", indent=EVENT_INDENT)
+    verdict = f"{s.verdict} ({s.exit_status}, {s.mode})"
+    if s.running_s is not None:
+        verdict = f"none yet: still running, {s.running_s:.0f} s so far ({s.mode})"
+    print_paragraph(f"verdict: {verdict}", f"{COLOUR[s.verdict]} bold")
     for reason in s.reasons:
-        out.print(f"  - {reason}")
+        print_paragraph(f"  - {reason}", indent="    ")
 
 
 def print_conclusion(conclusion: Conclusion) -> None:
     """Print the conclusion of a run, and the setting that follows with the command to try it."""
-    out.print(conclusion.sentence, style="bold", soft_wrap=False)
+    print_paragraph(conclusion.sentence, "bold")
     if conclusion.setting is not None:
-        out.print(f"  better model: {conclusion.setting.toml}")
-        out.print(f"  try it: {conclusion.command}")
+        print_whole(f"  better model: {conclusion.setting.toml}")
+        print_command("  try it:", conclusion.command)
 
 
 def _quantities(s: Summary) -> Table:
-    table = Table(title=s.headline, title_justify="left")
-    for name in ("", "planned", "measured ± noise", "true"):
-        table.add_column(name, justify="left" if not name else "right")
+    table = boxed_table(s.headline, QUANTITY_COLUMNS)
     for row in QUANTITIES:
         planned, true = getattr(s.planned, row.key, None), getattr(s.truth or Quantities(), row.key)
         measured = row.with_sigma(getattr(s.measured, row.key), getattr(s.sigma, row.key))
@@ -181,19 +165,7 @@ def _ms(value: float | None) -> str:
 
 def _ledger(links: dict[str, LinkSummary]) -> Table:
     title = "ledger: sent = delivered + lost + rejected + unaccounted"
-    table = Table(title=title, title_justify="left")
-    columns = (
-        "link",
-        "sent",
-        "delivered",
-        "lost",
-        "rejected",
-        "duplicates",
-        "late",
-        "unaccounted",
-    )
-    for name in columns:
-        table.add_column(name, justify="left" if name == "link" else "right", no_wrap=True)
+    table = plain_table(title, LEDGER_COLUMNS)
     for name, row in links.items():
         rejected = ", ".join(f"{reason} {n}" for reason, n in sorted(row.rejected.items())) or "0"
         cells = (

@@ -11,12 +11,14 @@ from comms.clock import stopwatch_s
 from planners import catalog
 from planners.laws import LAWS
 from planners.models.model import INPUTS, LAG_S
-from planners.problem import Limits, Problem
+from planners.problem import Limits, Plan, Problem
 from rig.errors import REFUSED, ConfigError
 from rig.run.config import LimitsSection, ModelSection
 from rig.run.load_model import build_model
-from rig.ui.cli import plan_tables
-from rig.ui.cli.output import out, print_json
+from rig.run.units import CABLE, MOVE, SWING, key_unit, suspect
+from rig.ui.cli import completion, plan_tables
+from rig.ui.cli.output import print_json
+from rig.ui.cli.page import print_paragraph, print_table, print_written
 from rig.ui.plots import picture_file
 
 WARM_S = 0.5  # a plan that takes less is timed again
@@ -24,7 +26,10 @@ WARM_S = 0.5  # a plan that takes less is timed again
 
 def plan(
     planner: Annotated[
-        str, typer.Option(help=f"Planner: {', '.join(catalog.PLANNERS)}.")
+        str,
+        typer.Option(
+            help=f"Planner: {', '.join(catalog.PLANNERS)}.", autocompletion=completion.planners
+        ),
     ] = "matrix_exponential",
     distance: Annotated[float, typer.Option(help="Distance \\[m].")] = 0.2,
     time: Annotated[float, typer.Option(help="Duration of the move \\[s], > 0.")] = 1.5,
@@ -78,7 +83,11 @@ def plan(
         float, typer.Option(help="Mass of the platform \\[kg], used by --model force.")
     ] = ModelSection().cart_mass_kg,
     law: Annotated[
-        str, typer.Option(help=f"Motion law of a shaper or of planner law: {', '.join(LAWS)}.")
+        str,
+        typer.Option(
+            help=f"Motion law of a shaper or of planner law: {', '.join(LAWS)}.",
+            autocompletion=completion.laws,
+        ),
     ] = "harmonic",
     nonlinear: Annotated[
         bool,
@@ -109,7 +118,10 @@ def plan(
     acceleration_limit: Annotated[
         float, typer.Option(help="Acceleration limit \\[m/s²].")
     ] = LimitsSection().acceleration_m_s2,
-    lag: Annotated[float, typer.Option(help="Time constant of --model jerk \\[s].")] = LAG_S,
+    lag: Annotated[
+        float | None,
+        typer.Option(help=f"Time constant of --model jerk \\[s]; {LAG_S:.4g} by default."),
+    ] = None,
     csv_file: Annotated[
         Path | None,
         typer.Option("--csv", help="CSV file: time, position, speed, acceleration every 10 ms."),
@@ -131,6 +143,9 @@ def plan(
     if links is not None:
         _check_chain_alone(links, length, mass)
     robust_names = _robust_names(robust or [])
+    start_state = _states("--start", start or [])
+    goal_state = _states("--goal", goal or [])
+    _suspect_units(distance, length, {"--start": start_state, "--goal": goal_state})
     if plot is not None:
         picture_file.check(plot)
     if csv_file is not None:
@@ -150,12 +165,12 @@ def plan(
         time_s=time,
         model=build_model(section),
         input=model,
-        lag_s=lag,
+        lag_s=LAG_S if lag is None else lag,
         robust=robust_names,
         law=law,
         nonlinear=nonlinear,
-        start_state=_states("--start", start or []),
-        goal_state=_states("--goal", goal or []),
+        start_state=start_state,
+        goal_state=goal_state,
         state_weights=_states("--weight", weight or []),
         limits=Limits(speed_m_s=speed_limit, acceleration_m_s2=acceleration_limit),
     )
@@ -171,15 +186,37 @@ def plan(
     if as_json:
         print_json(plan_tables.document(result))
     else:
-        out.print(plan_tables.plan_table(result))
+        _print_plan(result)
         for reason in result.reasons:
-            out.print(f"over limits: {reason}", style="yellow")
+            print_paragraph(f"over limits: {reason}", "yellow", "  ")
+        print_written(csv_file, plot)
     return REFUSED if result.reasons else 0
+
+
+def _print_plan(result: Plan) -> None:
+    p = result.problem
+    if p.distance_m == 0.0 and not p.start_state and not p.goal_state:
+        print_paragraph("--distance 0: nothing is to be done, the platform stands still")
+    else:
+        print_table(plan_tables.plan_table(result))
 
 
 def _check_not_empty(option: str, text: str | None) -> None:
     if text is not None and not text.strip():
         raise ConfigError(f"{option} ''; must not be empty: omit the option")
+
+
+def _suspect_units(
+    distance: float, length: float | None, states: dict[str, dict[str, float]]
+) -> None:
+    """Warn of centimetres and degrees; raises ConfigError where no laboratory has the value."""
+    suspect("--distance", distance, MOVE)
+    if length is not None:
+        suspect("--length", length, CABLE)
+    for option, values in states.items():
+        for name, value in values.items():
+            if key_unit(name) == "rad":
+                suspect(f"{option} {name} =", value, SWING)
 
 
 def _check_chain_alone(links: str, length: float | None, mass: float | None) -> None:

@@ -12,6 +12,7 @@ from rich.table import Table
 from planners.models.chain import ChainModel
 from planners.models.model import cart_for_input
 from planners.problem import Plan
+from rig.ui.cli.page import Column, boxed_table
 
 TABLE_SAMPLE_S = 0.01
 
@@ -51,9 +52,7 @@ def plan_table(result: Plan) -> Table:
         words.append(f"robust to {', '.join(p.robust)}")
     if p.nonlinear:
         words.append("nonlinear")
-    table = Table(title=", ".join(words), title_justify="left")
-    table.add_column("quantity")
-    table.add_column("value", justify="right")
+    table = boxed_table(", ".join(words), ("quantity", Column("value", folds=True)))
     rows = (
         (f"natural frequencies, platform {cart}", ", ".join(f"{f:.4f} Hz" for f in frequencies_hz)),
         ("peak swing, nonlinear load", f"{m.peak_swing_rad * 1e3:.3f} mrad"),

@@ -12,7 +12,9 @@ from comms.log_recovery import recover
 from comms.log_scan import Recovery
 from rig.errors import OK
 from rig.run.runs import find_log
-from rig.ui.cli.output import out, print_json
+from rig.ui.cli import completion
+from rig.ui.cli.output import print_json
+from rig.ui.cli.page import print_paragraph, print_written
 
 
 def recover_log(
@@ -21,6 +23,7 @@ def recover_log(
         typer.Argument(
             metavar="BROKEN",
             help="Damaged .mcap file, run folder, part of a run's name, or `last`.",
+            autocompletion=completion.recorded_runs,
         ),
     ],
     target: Annotated[Path, typer.Argument(metavar="OUT", help="File to write, .mcap.")],
@@ -34,12 +37,13 @@ def recover_log(
     if as_json:
         print_json({"file": str(target), "whole": found.is_whole, **msgspec.structs.asdict(found)})
         return OK
-    out.print(
-        f"{target}: {found.messages} messages on {found.channels} channels, "
+    print_written(target)
+    print_paragraph(
+        f"{found.messages} messages on {found.channels} channels, "
         f"{found.attachments} attachments, {found.metadata} metadata records; verified"
     )
     for line in _losses(found):
-        out.print(f"  left out: {line}")
+        print_paragraph(f"  left out: {line}", indent="    ")
     return OK
 
 

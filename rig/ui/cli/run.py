@@ -10,9 +10,10 @@ from typing import Annotated
 
 import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table
 
 from comms.clock import stopwatch_s
+from planners.catalog import PLANNERS
+from planners.errors import unknown_name
 from planners.problem import Plan
 from rig.analysis.analyze import RunAnalysis
 from rig.analysis.conclusion import conclude
@@ -24,7 +25,10 @@ from rig.run.runs import LOG
 from rig.run.runtime.execute import ClockMode
 from rig.run.tasks.operator import Operator
 from rig.run.tasks.pause import BUSY_HINT
-from rig.ui.cli.output import err, out, print_conclusion, print_json, print_summary, working
+from rig.ui.cli import completion, planner_comparison
+from rig.ui.cli.output import print_conclusion, print_json, print_summary, working
+from rig.ui.cli.page import err, print_paragraph, print_table, print_whole
+from rig.ui.cli.planner_comparison import NotRun, Result
 from rig.ui.cli.run_announcement import announcement
 
 RUNS = Path("runs")
@@ -42,7 +46,9 @@ def run(
     name: Annotated[
         str,
         typer.Argument(
-            metavar="[EXPERIMENT]", help="Name of a shipped experiment, or a TOML file."
+            metavar="[EXPERIMENT]",
+            help="Shipped experiment, move, dropouts or free_decay, or a TOML file.",
+            autocompletion=completion.experiments,
         ),
     ] = "move",
     virtual: Annotated[
@@ -66,7 +72,8 @@ def run(
         str | None,
         typer.Option(
             help="Planner, or several separated by commas, one run each; "
-            "the experiment's by default."
+            "the experiment's by default.",
+            autocompletion=completion.planners,
         ),
     ] = None,
     overrides: Annotated[
@@ -81,30 +88,42 @@ def run(
         bool, typer.Option("--report/--no-report", help="HTML report beside the log.")
     ] = True,
 ) -> int:
-    """Plan a move, run it, log it, analyse it and write a report."""
+    """Plan a move, run it, log it, analyse it and write a report.
+
+    Of several planners, one that cannot run is listed with its reason and the others run. The
+    exit code is the highest one of the runs, or 3 when no planner could run.
+    """
     changes = list(overrides or [])
     if seed is not None:
         changes.append(f"experiment.seed={seed}")
     chosen = _experiments(name, changes, planner)
+    refusals = _refusals(chosen)
     mode, may_fall_back = _mode(ClockChoice.VIRTUAL if virtual else clock or ClockChoice.REAL)
-    summaries: list[Summary] = []
-    for experiment_file in chosen:
-        summaries.append(_run_one(experiment_file, mode, runs, as_json, report))
-        if may_fall_back and _was_starved(summaries[-1]):
+    results: list[Result] = []
+    for experiment_file, refusal in zip(chosen, refusals, strict=True):
+        if refusal:
+            results.append(NotRun(experiment_file.experiment.planner, refusal))
+            continue
+        summary = _run_one(experiment_file, mode, runs, as_json, report)
+        if may_fall_back and _was_starved(summary):
             err.print("this machine did not keep real time: the run is repeated in virtual time")
-            summaries[-1] = _run_one(experiment_file, "virtual", runs, as_json, report)
-        if summaries[-1].exit_code in (REFUSED, STOPPED, FAULT):
+            summary = _run_one(experiment_file, "virtual", runs, as_json, report)
+        results.append(summary)
+        if summary.exit_code in (REFUSED, STOPPED, FAULT):
             break
     if as_json:
-        print_json(summaries[0] if len(chosen) == 1 else {"runs": summaries})
-    elif len(summaries) > 1:
-        out.print(_comparison(summaries))
-    return max((s.exit_code for s in summaries), default=0)
+        print_json(results[0] if len(chosen) == 1 else planner_comparison.document(results))
+    elif len(chosen) > 1:
+        print_table(planner_comparison.comparison(results))
+    return planner_comparison.exit_code(results)
 
 
 def _experiments(name: str, changes: list[str], planner: str | None) -> list[config.Experiment]:
     """Read the experiment, once for each planner; raises ConfigError before anything moves."""
     planners = _names(planner)
+    for one in planners:
+        if one not in PLANNERS:
+            raise unknown_name("planner", one, PLANNERS)
     if planner is not None and not planners:
         raise ConfigError(
             f"--planner {planner!r}; must name one or more, separated by commas: "
@@ -122,9 +141,18 @@ def _experiments(name: str, changes: list[str], planner: str | None) -> list[con
             f"--planner {planner} with [move] waypoints; "
             "must be without: [move] spline plans a move through waypoints, omit --planner"
         )
-    for experiment_file in chosen:  # a planner that fails is reported before anything moves
-        plan_move(experiment_file)
     return chosen
+
+
+def _refusals(chosen: list[config.Experiment]) -> list[str]:
+    """List why each of several planners cannot run, before anything moves; empty when it can.
+
+    A single planner raises ConfigError or Refused by itself when it runs.
+    """
+    if len(chosen) == 1:
+        plan_move(chosen[0])
+        return [""]
+    return [experiment.refusal(one) for one in chosen]
 
 
 def _names(text: str | None) -> list[str]:
@@ -208,14 +236,15 @@ def _show_results(ran: experiment.FinishedRun, quiet: bool, report: bool, run_s:
         print_conclusion(conclude(analysis.run, analysis.summary))
         loop_s = ran.outcome.loop_s
         run_time_s = analysis.run.plan.duration_s
-        out.print(
+        print_paragraph(
             f"computing time: run {run_s:.2f} s (loop {loop_s:.2f} s for {run_time_s:.1f} s of "
             f"run time: {run_time_s / loop_s:.1f} x real time), "
-            f"analysis {analysed - ended:.2f} s, report {stopwatch_s() - analysed:.2f} s"
+            f"analysis {analysed - ended:.2f} s, report {stopwatch_s() - analysed:.2f} s",
+            indent="  ",
         )
         if ran.outcome.digest:
-            out.print(f"digest {ran.outcome.digest}")
-        out.print(f"{ran.folder}  run.mcap" + ("  report.html" if report else ""), style="bold")
+            print_whole(f"digest {ran.outcome.digest}")
+        print_whole(f"{ran.folder}  run.mcap" + ("  report.html" if report else ""), "bold")
     return analysis.summary
 
 
@@ -226,19 +255,3 @@ def _phase_name(done_s: float, e: config.Experiment) -> str:
     if done_s < e.experiment.quiet_s:
         return "quiet"
     return "moving" if done_s < e.experiment.quiet_s + e.move.time_s else "watching"
-
-
-def _comparison(summaries: list[Summary]) -> Table:
-    table = Table(title="residual swing [mrad] by planner", title_justify="left")
-    for name in ("planner", "planned", "measured", "true", "verdict"):
-        table.add_column(name, justify="left" if name == "planner" else "right")
-    for s in summaries:
-        values = (
-            s.planned.residual_swing_rad,
-            s.measured.residual_swing_rad,
-            s.truth.residual_swing_rad if s.truth else None,
-        )
-        table.add_row(
-            s.planner, *("-" if v is None else f"{v * 1e3:.3f}" for v in values), s.verdict
-        )
-    return table

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from rich.table import Table
 
-from comms.link import LinkFaults
 from planners.problem import Plan
 from rig.run.job import Job
+from rig.ui.cli.page import Column, boxed_table
+from rig.ui.link_text import link_faults
 
 CLOCKS = {
     "wall": "real time, five processes, UDP and ZeroMQ",
@@ -18,7 +19,8 @@ def announcement(job: Job, plan: Plan | None, mode: str) -> Table:
     """Create the table of model, plan, times, links and calibration of a job."""
     e = job.experiment
     title = f"about to run: {e.experiment.name}"
-    table = Table(show_header=False, title=title, title_justify="left")
+    table = boxed_table(title, ("", Column("", folds=True)), left=2)
+    table.show_header = False
     table.add_row("mode", f"{CLOCKS[mode]}; seed {e.experiment.seed}")
     if plan is not None:
         m = plan.metrics
@@ -43,21 +45,10 @@ def announcement(job: Job, plan: Plan | None, mode: str) -> Table:
         f"{job.plan.quiet_s:g} s quiet, {job.plan.time_s:g} s move, "
         f"{job.plan.watch_s:g} s watching",
     )
-    links = [f"{name} ({_faults(f)})" for name, f in e.links.items()]
+    links = [f"{name} ({link_faults(f)})" for name, f in e.links.items()]
     table.add_row("links", ", ".join(links) or "no faults")
     table.add_row("calibration", job.calibration_name if e.camera.rate_hz else "no camera")
     return table
-
-
-def _faults(f: LinkFaults) -> str:
-    words = []
-    if f.delay_ms:
-        words.append(f"{f.delay_ms:g} ms")
-    if f.jitter_ms:
-        words.append(f"+ up to {f.jitter_ms:g} ms")
-    if f.loss:
-        words.append(f"{f.loss:.0%} lost in bursts of {f.burst}")
-    return ", ".join(words) or "no faults"
 
 
 def _plan_description(plan: Plan) -> str:

@@ -13,7 +13,8 @@ from rich.progress import Progress
 from rig.errors import BAD_DATA, ConfigError
 from rig.studies.servo.compare import UNPUBLISHED_NOTE
 from rig.ui.cli import servo_compare_tables as tables
-from rig.ui.cli.output import err, out, print_json, print_paragraph
+from rig.ui.cli.output import print_json
+from rig.ui.cli.page import err, print_paragraph, print_written
 
 if TYPE_CHECKING:
     from rig.drives.servo.loops import LoopAnalysis
@@ -109,7 +110,8 @@ def compare(
             print_paragraph(" ".join(notes), "dim")
         tables.print_ranking(rows, names, facts)
         for reason in reasons:
-            out.print(reason, style="red")
+            print_paragraph(reason, "red", "  ")
+        print_written(plot)
     return BAD_DATA if verdict == "bad" else 0
 
 

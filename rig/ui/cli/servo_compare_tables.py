@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 from rich.table import Table
 
-from rig.ui.cli.output import out, plain_table, print_paragraph, wide
+from rig.ui.cli.page import Column, out, plain_table, print_paragraph, print_table
 
 if TYPE_CHECKING:
     from rig.drives.servo.loops import LoopAnalysis
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 
 TEXT_COLUMNS = ("plant\nvariant\n", "move\n", "controller\n")
 NUMBER_COLUMNS = (
-    "residual,\nmeasured\n[%]",
+    Column("residual,\nmeasured\n[%]", drop=1),
     "settling\ntime\n[ms]",
     "rms speed\nerror\n[%]",
-    "overshoot\n[°]",
-    "final\nerror\n[°]",
-    "peak\ntorque\n[N m]",
-    "rms\ntorque\n[N m]",
-    "torque\nat rest\n[N m]",
+    Column("overshoot\n[°]", drop=5),
+    Column("final\nerror\n[°]", drop=4),
+    Column("peak\ntorque\n[N m]", drop=6),
+    Column("rms\ntorque\n[N m]", drop=3),
+    Column("torque\nat rest\n[N m]", drop=2),
 )
 LEGEND = (
     "residual: peak speed of the load after the end of the move; measured: by its accelerometer; "
@@ -39,14 +39,14 @@ LEGEND = (
 DESIGN_COLUMNS = (
     "controller\n",
     "slowest\npole\n[rad/s]",
-    "fastest\npole\n[rad/s]",
+    Column("fastest\npole\n[rad/s]", drop=2),
     "least damped\npole pair\n[rad/s], ratio",
-    "least damped\nzero pair\n[rad/s], ratio",
+    Column("least damped\nzero pair\n[rad/s], ratio", drop=3),
     "gain margins\nlower to upper\n",
     "phase\nmargin\n[°]",
-    "gain\ncrossover\n[rad/s]",
+    Column("gain\ncrossover\n[rad/s]", drop=4),
     "peak\nsensitivity\n",
-    "eigenvector\ncondition\nnumber",
+    Column("eigenvector\ncondition\nnumber", drop=1),
 )
 DESIGN_LEGEND = (
     "ratio: damping ratio. Zeros: of the motor angle; at them the load vibrates while the motor "
@@ -124,11 +124,11 @@ def print_designs(
     table = plain_table(title, DESIGN_COLUMNS)
     for name, found in facts.items():
         table.add_row(name, *_design_cells(spec, found))
-    wide.print(table)
+    print_table(table)
     print_paragraph(DESIGN_LEGEND, "dim")
     for name, drive in drives.items():
         if drive.note:
-            out.print(f"{name}: {drive.note}", style="dim")
+            print_paragraph(f"{name}: {drive.note}", "dim", "  ")
     out.print()
 
 
@@ -173,7 +173,7 @@ def print_runs(rows: Sequence[ControllerRun], names: Sequence[str]) -> None:
     for row in rows:
         _add_run(table, row, previous, residual_ratio(row, rows))
         previous = row
-    wide.print(table)
+    print_table(table)
     print_paragraph(LEGEND, "dim")
 
 
@@ -211,7 +211,7 @@ def print_ranking(
     first = names[0]
     for name in names[1:]:
         if facts[name].stable and facts[first].stable:
-            out.print(_ranking(name, first, rows))
+            print_paragraph(_ranking(name, first, rows), indent="  ")
 
 
 def _ranking(name: str, first: str, rows: Sequence[ControllerRun]) -> str:

@@ -11,6 +11,7 @@ import typer
 from rig.errors import ConfigError
 from rig.ui.cli import servo_notch_tables as tables
 from rig.ui.cli.output import print_json
+from rig.ui.cli.page import print_written
 
 if TYPE_CHECKING:
     from rig.drives.servo.two_mass import TwoMass
@@ -121,6 +122,7 @@ def notch(
         print_json(tables.document(joint, task, rows, detuned, digital, sample_time))
     else:
         tables.print_tables(joint, task, rows, detuned, digital, sample_time)
+        print_written(plot)
     return 0
 
 

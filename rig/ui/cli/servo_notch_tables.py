@@ -9,7 +9,7 @@ from rich.table import Table
 
 from rig.studies.servo.joints import FITTED_NOTE
 from rig.studies.servo.notch import UNPUBLISHED_NOTE
-from rig.ui.cli.output import plain_table, print_paragraph, wide
+from rig.ui.cli.page import Column, plain_table, print_paragraph, print_table
 
 if TYPE_CHECKING:
     from rig.drives.servo.loops import PolePair
@@ -87,13 +87,13 @@ def print_tables(
     period_s: float,
 ) -> None:
     """Print poles, margins, responses, the digital notch and a verdict on each placement."""
-    wide.print(_pole_table(joint, task, rows))
+    print_table(_pole_table(joint, task, rows))
     print_paragraph(POLE_LEGEND, "dim")
-    wide.print(_response_table("\nResponses of the load", rows))
+    print_table(_response_table("\nResponses of the load", rows))
     if detuned:
-        wide.print(_response_table("\nResponses of the load with a detuned notch", detuned))
+        print_table(_response_table("\nResponses of the load with a detuned notch", detuned))
     print_paragraph(RESPONSE_LEGEND, "dim")
-    wide.print(_digital_table(digital, period_s))
+    print_table(_digital_table(digital, period_s))
     for line in _verdict_lines(rows):
         print_paragraph(line)
     print_paragraph(_source_note(joint), "dim")
@@ -113,10 +113,10 @@ def _pole_table(joint: str, task: NotchTask, rows: Sequence[NotchRow]) -> Table:
         f"speed loop{PAIR_UNIT}",
         f"position loop{PAIR_UNIT}",
         f"cancelled{PAIR_UNIT}",
-        "speed loop\nmargin [°]",
-        "speed loop\ncrossover\n[rad/s]",
-        "position loop\nmargin [°]",
-        "position loop\ncrossover\n[rad/s]",
+        Column("speed loop\nmargin [°]", drop=3),
+        Column("speed loop\ncrossover\n[rad/s]", drop=2),
+        Column("position loop\nmargin [°]", drop=4),
+        Column("position loop\ncrossover\n[rad/s]", drop=1),
     )
     view = plain_table(title, headers)
     for row in rows:
@@ -143,11 +143,11 @@ def _response_table(title: str, rows: Sequence[NotchRow]) -> Table:
         "notch",
         "frequency\nfactor",
         f"least damped{PAIR_UNIT}",
-        "speed loop\nmargin [°]",
-        "position loop\nmargin [°]",
-        "motor step\n[rad/s]",
+        Column("speed loop\nmargin [°]", drop=2),
+        Column("position loop\nmargin [°]", drop=1),
+        Column("motor step\n[rad/s]", drop=4),
         "load step\n[rad/s]",
-        "peak\n[rad/s]",
+        Column("peak\n[rad/s]", drop=3),
         "oscillation\nindex [%]",
         "overshoot\n[%]",
         "settling\ntime [s]",
@@ -175,10 +175,10 @@ def _digital_table(rows: Sequence[SampledNotch], period_s: float) -> Table:
     headers = (
         "notch",
         "frequency\n[rad/s]",
-        "without prewarping\n[rad/s]",
+        Column("without prewarping\n[rad/s]", drop=1),
         "frequency shift\n[%]",
         "gain, continuous\n[%]",
-        "gain, prewarped\n[%]",
+        Column("gain, prewarped\n[%]", drop=2),
         "gain, without\nprewarping [%]",
     )
     view = plain_table(title, headers)

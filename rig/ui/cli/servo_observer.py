@@ -9,6 +9,7 @@ import typer
 
 from rig.errors import ConfigError
 from rig.ui.cli.output import print_json
+from rig.ui.cli.page import print_written
 from rig.ui.cli.servo_observer_document import document
 from rig.ui.cli.servo_observer_tables import print_tables
 
@@ -82,6 +83,7 @@ def observer(
         print_json(document(joint, task, rows, bare, turn))
     else:
         print_tables(joint, task, rows, bare, turn)
+        print_written(plot)
     return 0
 
 

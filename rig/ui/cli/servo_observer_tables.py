@@ -10,7 +10,8 @@ from rich.table import Table
 from rich.text import Text
 
 from rig.studies.servo.observer import INFERRED_NOTES
-from rig.ui.cli.output import COLOUR, plain_table, print_paragraph, wide
+from rig.ui.cli.output import COLOUR
+from rig.ui.cli.page import Column, plain_table, print_paragraph, print_table
 from rig.ui.cli.servo_observer_document import caution_lines, time_constant_text, verdict_lines
 
 if TYPE_CHECKING:
@@ -46,10 +47,10 @@ def print_tables(
     turn: TimeConstantRanges,
 ) -> None:
     """Print pole pairs, disturbance rejection, verdict and cautions."""
-    wide.print(_pair_table(joint, task, rows, bare))
+    print_table(_pair_table(joint, task, rows, bare))
     legend = f"{PAIR_LEGEND} {PRINTED_LEGEND}" if task.order == 1 else PAIR_LEGEND
     print_paragraph(legend, "dim")
-    wide.print(_torque_table(task, rows, bare))
+    print_table(_torque_table(task, rows, bare))
     print_paragraph(TORQUE_LEGEND, "dim")
     for line in verdict_lines(task, rows, turn):
         print_paragraph(line)
@@ -68,16 +69,16 @@ def _pair_table(
         f"Jlr {j.reflected_inertia_kg_m2:.6g} kg m²; "
         f"rigid nominal of {task.rigid.denominator[0]:.6g} kg m²; Q of order {task.order}"
     )
-    headers = [
+    headers: list[str | Column] = [
         TIME_CONSTANT,
         f"rigid nominal{PAIR_UNIT}",
         "effect",
         f"elastic nominal{PAIR_UNIT}",
-        f"stiff load, rigid nominal{PAIR_UNIT}",
+        Column(f"stiff load, rigid nominal{PAIR_UNIT}", drop=2),
     ]
     is_first_order = task.order == 1
     if is_first_order:
-        headers.append(f"H_f as printed{PAIR_UNIT}")
+        headers.append(Column(f"H_f as printed{PAIR_UNIT}", drop=1))
     view = plain_table(title, headers)
     bare_pair = _pair(bare.least_damped)
     cells: list[str | Text] = ["none", bare_pair, "", bare_pair, ""]
@@ -103,11 +104,11 @@ def _torque_table(task: ObserverTask, rows: Sequence[ObserverRow], bare: Rejecti
         "nominal",
         "gain\nratio",
         "peak gain\n[rad/s per N m]",
-        "motor step:\npeak [rad/s]",
-        "motor step:\noscillation index",
-        "load step:\npeak [rad/s]",
+        Column("motor step:\npeak [rad/s]", drop=4),
+        Column("motor step:\noscillation index", drop=3),
+        Column("load step:\npeak [rad/s]", drop=2),
         "load step:\noscillation index",
-        "stiff load:\ngain ratio",
+        Column("stiff load:\ngain ratio", drop=1),
     )
     view = plain_table("\nResponse of the load to a torque", headers)
     view.add_row("none", "", *_rejection_cells(bare), "1")

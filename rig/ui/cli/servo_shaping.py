@@ -11,7 +11,8 @@ import typer
 from rich.table import Table
 
 from rig.studies.servo.shaping import UNPUBLISHED_NOTE
-from rig.ui.cli.output import plain_table, print_json, print_paragraph, wide
+from rig.ui.cli.output import print_json
+from rig.ui.cli.page import Column, plain_table, print_paragraph, print_table, print_written
 
 if TYPE_CHECKING:
     from planners.shapers import Shaper
@@ -91,6 +92,7 @@ def shaping(
         print_json(_document(task, rows, pulses))
     else:
         _print(task, rows, pulses)
+        print_written(plot)
     return 0
 
 
@@ -134,10 +136,10 @@ def _impulses(shaper: Shaper) -> dict[str, Any]:
 
 
 def _print(task: ShapingTask, rows: Sequence[Robustness], pulses: dict[str, FloatArray]) -> None:
-    wide.print(_impulse_table(task, rows))
-    wide.print(_residual_table(task, rows))
+    print_table(_impulse_table(task, rows))
+    print_table(_residual_table(task, rows))
     print_paragraph(LEGEND, "dim")
-    wide.print(_pulse_table(task, pulses))
+    print_table(_pulse_table(task, pulses))
     for text in (PULSE_LEGEND, *UNPUBLISHED_NOTE):
         print_paragraph(text, "dim")
 
@@ -147,10 +149,10 @@ def _impulse_table(task: ShapingTask, rows: Sequence[Robustness]) -> Table:
         f"Impulses for {task.frequency_rad_s:g} rad/s and damping ratio {task.damping:g}",
         (
             "shaper",
-            "sample time",
-            "amplitudes and times [s]",
-            "duration [s]",
-            "residual [%]",
+            "sample\ntime",
+            Column("amplitudes and times [s]", folds=True),
+            "duration\n[s]",
+            "residual\n[%]",
             "insensitivity",
         ),
         left=3,
@@ -177,11 +179,11 @@ def _impulse_table(task: ShapingTask, rows: Sequence[Robustness]) -> Table:
 
 def _residual_table(task: ShapingTask, rows: Sequence[Robustness]) -> Table:
     damping_only = (
-        f"damping only ×{1.0 + task.damping_error:g}",
-        f"×{1.0 - task.damping_error:g}",
+        Column(f"damping\nonly ×{1.0 + task.damping_error:g}", drop=2),
+        Column(f"damping\nonly ×{1.0 - task.damping_error:g}", drop=1),
     )
     title = "\nResidual vibration [%] with true over assumed frequency, damping ratio"
-    headers = ("shaper", "relative to", *_case_labels(task), *damping_only)
+    headers: list[str | Column] = ["shaper", "relative to", *_case_labels(task), *damping_only]
     view = plain_table(title, headers, left=2)
     for row in rows:
         view.add_row(

@@ -12,7 +12,9 @@ from rich.progress import Progress
 from rig.run import config
 from rig.studies.vision import bench
 from rig.studies.vision.synthetic_video import CODECS, write_video
-from rig.ui.cli.output import err, out, print_json
+from rig.ui.cli import completion
+from rig.ui.cli.output import print_json
+from rig.ui.cli.page import err, print_whole
 
 
 def sim(
@@ -25,7 +27,11 @@ def sim(
     ],
     name: Annotated[
         str,
-        typer.Argument(metavar="[EXPERIMENT]", help="Experiment that gives load and camera."),
+        typer.Argument(
+            metavar="[EXPERIMENT]",
+            help="Experiment that gives load and camera.",
+            autocompletion=completion.experiments,
+        ),
     ] = "free_decay",
     seconds: Annotated[
         float, typer.Option(min=0.1, max=3600, help="Duration \\[s], 0.1 to 3600.")
@@ -65,6 +71,6 @@ def sim(
         )
     else:
         megabytes = video.stat().st_size / 1e6
-        out.print(f"{frames} frames in {video} ({megabytes:.0f} MB), true angles in {truth}")
-        out.print(f"next: rig track {shlex.quote(str(video))} --pivot {x:.1f},{y:.1f}")
+        print_whole(f"{frames} frames in {video} ({megabytes:.0f} MB), true angles in {truth}")
+        print_whole(f"next: rig track {shlex.quote(str(video))} --pivot {x:.1f},{y:.1f}")
     return 0

@@ -13,6 +13,7 @@ from rig.run.toml_file import read_toml
 from rig.studies.sizing.axis_file import EXAMPLES, Sizing, example_tables, sizing_of
 from rig.studies.sizing.judgement import document, judge
 from rig.ui.cli.output import print_json
+from rig.ui.cli.page import print_written
 from rig.ui.cli.size_tables import print_tables
 
 
@@ -78,6 +79,7 @@ def size(
         print_json(document(result))
     else:
         print_tables(result, every, published)
+        print_written(plot)
     return 0 if result.admissible else REFUSED
 
 

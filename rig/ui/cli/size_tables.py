@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections import Counter
 from collections.abc import Sequence
 
@@ -18,7 +17,8 @@ from rig.drives.screw.verdict import BROKEN, NOT_ASKED, UNDECIDED, Assessment
 from rig.studies.sizing.judgement import Judgement
 from rig.studies.sizing.notes import notes
 from rig.studies.sizing.published import FigureComparison
-from rig.ui.cli.output import COLOUR, out, wide
+from rig.ui.cli.output import COLOUR
+from rig.ui.cli.page import Column, boxed_table, print_paragraph, print_table
 
 MAX_MARGIN_SHOWN = 10.0  # a larger margin, of either sign, is shown as > +1000 % or < -1000 %
 WITHOUT_BOUND = {NOT_ASKED: "no bound", UNDECIDED: "data missing"}
@@ -28,9 +28,9 @@ MOTION_COLUMNS = (
     "time\n[s]",
     "top\nspeed\n[m/s]",
     "acceleration\n[m/s²]",
-    "force\n[N]",
+    Column("force\n[N]", drop=1),
     "peak\ntorque\n[N m]",
-    "peak\npower\n[W]",
+    Column("peak\npower\n[W]", drop=2),
 )
 VERDICT_WORDS = {
     "good": "admissible",
@@ -50,42 +50,29 @@ def print_tables(result: Judgement, every: bool, figures: bool) -> None:
     least = absolute_least_lead(
         axis.mounting, need.peak_speed_m_s, axis.utilisation.whirl, axis.balls_m_rpm()
     )
-    _print_wrapped(
+    print_paragraph(
         f"cycle of {axis.cycle.duration_s:g} s over {digits.mm(need.travel_m)}: "
         f"peak {number(need.peak_speed_m_s)} m/s, {number(need.peak_acceleration_m_s2)} m/s², "
         f"{number(need.peak_force_n)} N"
     )
-    _print_wrapped(
+    print_paragraph(
         f"least admissible lead: {digits.mm(least.lead_m)}, "
         f"at a diameter of {digits.mm(least.diameter_m)}"
     )
-    wide.print(_check_table(judged, _place(result)))
-    _print_wrapped(
+    print_table(_check_table(judged, _place(result)))
+    print_paragraph(
         "margin: distance from the bound on its safe side, relative to the bound; "
         "negative: bound violated",
         "dim",
     )
-    wide.print(_motion_table(result.motion, axis.cycle))
+    print_table(_motion_table(result.motion, axis.cycle))
     for note in notes(axis, judged, result.figures):
-        _print_wrapped(note.text, "dim" if note.dim else "")
+        print_paragraph(note.text, "dim" if note.dim else "")
     _print_catalogue(result, every)
     if result.printed:
         shown = [row for row in result.printed if figures or row.differs]
         _print_published(shown, result.printed)
     _print_verdict(result)
-
-
-def _print_wrapped(text: str, style: str = "", indent: str = "") -> None:
-    """Print a paragraph in the width of the terminal; `indent` starts its further lines."""
-    unbroken = text.replace("N m", "N\N{NO-BREAK SPACE}m")
-    lines = textwrap.wrap(
-        unbroken,
-        out.width,
-        subsequent_indent=indent,
-        break_long_words=False,
-        break_on_hyphens=False,
-    )
-    out.print("\n".join(lines).replace("\N{NO-BREAK SPACE}", " "), style=style)
 
 
 def _place(result: Judgement) -> str:
@@ -100,18 +87,16 @@ def _place(result: Judgement) -> str:
 def _print_verdict(result: Judgement) -> None:
     place = "" if result.chosen else f", {_place(result)} ({result.criterion})"
     line = f"verdict: {result.judged.candidate.name}{place}: {VERDICT_WORDS[result.verdict]}"
-    _print_wrapped(line, f"{COLOUR[result.verdict]} bold", "  ")
+    print_paragraph(line, f"{COLOUR[result.verdict]} bold", "  ")
     for reason in result.reasons:
-        _print_wrapped(f"  - {reason}", indent="    ")
+        print_paragraph(f"  - {reason}", indent="    ")
 
 
 def _check_table(judged: Assessment, place: str) -> Table:
     candidate = judged.candidate
     sizes = f"diameter {digits.mm(candidate.diameter_m)}, lead {digits.mm(candidate.lead_m)}"
     title = f"{candidate.name}, {place}: {sizes}" if place else f"{candidate.name}: {sizes}"
-    view = Table(title=title, title_justify="left")
-    for name in ("check", "value", "bound", "margin"):
-        view.add_column(name, justify="left" if name == "check" else "right", no_wrap=True)
+    view = boxed_table(title, ("check", "value", "bound", "margin"))
     for check in judged.checks:
         (value, bound), unit = digits.shown((check.value, check.bound), check.unit)
         value_cell = f"{value} {unit}"
@@ -138,9 +123,8 @@ def _motion_table(rows: Sequence[CyclePhaseRow], cycle: Cycle) -> Table:
     """Create the table of the motion cycle by move and phase; equal moves once."""
     first = [cycle.moves.index(move) + 1 for move in cycle.counts]
     once = "" if len(first) == len(cycle.moves) else "; equal moves once"
-    view = Table(title=f"cycle by move and phase; phase 0: rest{once}", title_justify="left")
-    for name in MOTION_COLUMNS:
-        view.add_column(name, justify="right", vertical="bottom", no_wrap=True)
+    title = f"cycle by move and phase; phase 0: rest{once}"
+    view = boxed_table(title, MOTION_COLUMNS, left=0)
     for row in rows:
         if row.move in first:
             cells = (
@@ -158,7 +142,7 @@ def _motion_table(rows: Sequence[CyclePhaseRow], cycle: Cycle) -> Table:
 def _print_catalogue(result: Judgement, every: bool) -> None:
     found = result.found
     rejected = [a for a in found if a.broken]
-    _print_wrapped(
+    print_paragraph(
         f"catalogue: {result.fitting} of {len(found)} admissible, best first (diameter x lead [mm])"
     )
     name_width = max(len(a.candidate.name) for a in found)
@@ -166,7 +150,7 @@ def _print_catalogue(result: Judgement, every: bool) -> None:
         _print_entry(a, name_width)
     if rejected and not every:
         names = ", ".join(f"{a.candidate.name} ({_violated_checks(a)})" for a in rejected)
-        _print_wrapped(
+        print_paragraph(
             f"  {len(rejected)} not admissible (--all lists the values): {names}", indent="    "
         )
     _print_origins([a.candidate for a in found])
@@ -179,7 +163,7 @@ def _print_entry(a: Assessment, name_width: int) -> None:
     remarks = [check.note for check in a.checks if check.note and check.state != BROKEN]
     line = f"  {a.candidate.name:<{name_width}}  {diameter_mm} x {lead_mm}: "
     line += "; ".join([result, *remarks])
-    _print_wrapped(line, "" if a.broken else "green", indent="      ")
+    print_paragraph(line, "" if a.broken else "green", indent="      ")
 
 
 def _violated_checks(a: Assessment) -> str:
@@ -209,10 +193,10 @@ def _print_origins(entries: Sequence[CatalogueEntry]) -> None:
     groups = Counter(entry.origin for entry in entries).most_common()
     for origin, _ in reversed(groups[1:]):
         names = ", ".join(entry.name for entry in entries if entry.origin == origin)
-        _print_wrapped(f"  origin of {names}: {origin}", "dim", "    ")
+        print_paragraph(f"  origin of {names}: {origin}", "dim", "    ")
     most_frequent, _ = groups[0]
     subject = "all others" if len(groups) > 1 else "all"
-    _print_wrapped(f"  origin of {subject}: {most_frequent}", "dim", "    ")
+    print_paragraph(f"  origin of {subject}: {most_frequent}", "dim", "    ")
 
 
 def _print_published(
@@ -221,13 +205,11 @@ def _print_published(
     reasons = list(dict.fromkeys(row.reason for row in printed if row.reason))
     count = sum(row.differs for row in compared)
     title = f"{len(compared)} printed figures, {count} differ from the computed ones (≠)"
-    view = Table(title=title, title_justify="left")
-    for name in ("figure", "printed", "computed", "", "note"):
-        view.add_column(name, justify="left" if name == "figure" else "right", no_wrap=True)
+    view = boxed_table(title, ("figure", "printed", "computed", "", "note"))
     for row in printed:
         note = f"{reasons.index(row.reason) + 1}" if row.reason else ""
         mark = "≠" if row.differs else ""
         view.add_row(row.name, row.printed, f"{row.right:.6g}", mark, note)
-    wide.print(view)
+    print_table(view)
     for k, reason in enumerate(reasons, start=1):
-        _print_wrapped(f"  {k}. {reason}", "dim", "     ")
+        print_paragraph(f"  {k}. {reason}", "dim", "     ")

@@ -23,7 +23,8 @@ from planners.trajectories.trajectory import Trajectory
 from rig.errors import REFUSED, ConfigError
 from rig.run.waypoints import Waypoints, read_waypoints
 from rig.ui.cli import spline_tables as tables
-from rig.ui.cli.output import print_json, wide, working
+from rig.ui.cli.output import print_json, working
+from rig.ui.cli.page import print_table, print_written
 from rig.ui.cli.spline_tables import PassageTimes, axis_positions
 from rig.ui.plots import picture_file
 
@@ -137,8 +138,9 @@ def spline(
     if as_json:
         print_json(tables.document(kind, points, timing, paths, found, warnings))
     else:
-        wide.print(tables.range_table(kind, timing, found))
+        print_table(tables.range_table(kind, timing, found))
         tables.print_remarks(points, timing, paths, warnings, is_blended=kind == BLENDS)
+        print_written(csv_file, plot)
     return REFUSED if warnings else 0
 
 

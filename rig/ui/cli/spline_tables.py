@@ -17,12 +17,22 @@ from planners.trajectories.pieces import FloatArray
 from planners.trajectories.trajectory import Trajectory
 from rig.errors import ConfigError
 from rig.run.waypoints import AXES, Waypoints
-from rig.ui.cli.output import out, plain_table
+from rig.ui.cli.page import Column, plain_table, print_paragraph
 
 UNBOUNDED = {  # by continuity: derivative that is not bounded, which the table does not show
     "C0": ", steps in speed, perhaps at an end: acceleration not bounded",
     "C1": ", steps in acceleration, perhaps at an end: jerk not bounded",
 }
+COLUMNS = (
+    "axis",
+    "quantity",
+    "minimum",
+    "maximum",
+    "peak",
+    Column("at [s]", drop=2),
+    Column("interval", drop=1),
+    Column("rms", drop=3),
+)
 UNITS = ("m", "m/s", "m/s²", "m/s³")
 TABLE_SAMPLE_S = 0.01
 MAX_ROWS = 1_000_000  # of a CSV file
@@ -108,8 +118,7 @@ def range_table(kind: str, timing: PassageTimes, found: Mapping[str, SplineAnaly
     """Create the table of minimum, maximum, peak and rms of position to jerk."""
     count = timing.times_s.size
     title = f"{kind} through {count} points in {timing.times_s[-1]:.6f} s, {timing.how}"
-    headers = ("axis", "quantity", "minimum", "maximum", "peak", "at [s]", "interval", "rms")
-    view = plain_table(title, headers, left=2)
+    view = plain_table(title, COLUMNS, left=2)
     for axis, analysis in found.items():
         for name, unit in zip(NAMES, UNITS, strict=True):
             r = getattr(analysis, name)
@@ -145,14 +154,15 @@ def print_remarks(
     intervals_s = np.diff(timing.times_s)[:MAX_INTERVALS_SHOWN].tolist()
     intervals = ", ".join(f"{interval_s:.6g}" for interval_s in intervals_s)
     more = ", ..." if timing.times_s.size > MAX_INTERVALS_SHOWN + 1 else ""
-    out.print(f"intervals: {intervals}{more} s")
+    print_paragraph(f"intervals: {intervals}{more} s", indent="  ")
     if timing.allocated_s is not None and timing.reached is not None:
         shares = ", ".join(
             f"{share:.2%} of {name.split('_')[0]}" for name, share in timing.reached.items()
         )
-        out.print(
+        print_paragraph(
             f"used share of the limits: {shares}; "
-            f"duration of the scaled allocation: {timing.allocated_s:.6f} s"
+            f"duration of the scaled allocation: {timing.allocated_s:.6f} s",
+            indent="  ",
         )
     for axis, row in axis_positions(points):
         continuity = _continuity(paths[axis])
@@ -160,9 +170,10 @@ def print_remarks(
         if is_blended:
             deviation_m = _largest_deviation_m(paths[axis], timing.times_s, row)
             deviation = f"; largest deviation from a point {deviation_m:.6g} m"
-        out.print(f"{axis}: {continuity}{UNBOUNDED.get(continuity, '')}{deviation}")
+        line = f"{axis}: {continuity}{UNBOUNDED.get(continuity, '')}{deviation}"
+        print_paragraph(line, indent="  ")
     for warning in warnings:
-        out.print(f"over limits: {warning}", style="yellow")
+        print_paragraph(f"over limits: {warning}", "yellow", "  ")
 
 
 def write_csv(paths: Mapping[str, Trajectory], file: Path) -> None:

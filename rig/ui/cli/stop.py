@@ -2,29 +2,16 @@
 
 from __future__ import annotations
 
-import json
-import os
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import typer
 
 from rig.errors import FAULT, RigError
+from rig.run.running import RunningOperator, is_alive, operators
+from rig.ui.text import without_controls
 
 ANSWER_MS = 3000
-
-
-class RunningOperator(NamedTuple):
-    """An operator as its `operator.json` names it."""
-
-    path: Path
-    address: str
-    pid: int
-
-    @property
-    def name(self) -> str:
-        """Name of the run's folder."""
-        return self.path.parent.name
 
 
 def stop(
@@ -35,9 +22,9 @@ def stop(
     ] = False,
 ) -> int:
     """Stop every experiment that runs under RUNS: the robot first, then the log is closed."""
-    operators = [_read(path) for path in sorted(runs.glob("*/operator.json"))]
-    alive = [operator for operator in operators if _is_alive(operator.pid)]
-    for operator in operators:
+    known = operators(runs)
+    alive = [operator for operator in known if is_alive(operator.pid)]
+    for operator in known:
         if operator not in alive:
             _remove_stale(operator)
     if not alive:
@@ -53,28 +40,18 @@ def _stop(operator: RunningOperator, emergency: bool) -> bool:
     from comms.operator_request import ask  # sockets are needed only where something runs
 
     answer = ask(operator.address, "estop" if emergency else "stop", ANSWER_MS)
-    print(f"{operator.name}: {answer or 'no answer: press the emergency stop of the robot'}")
+    _say(f"{operator.name}: {answer or 'no answer: press the emergency stop of the robot'}")
     return answer is not None
 
 
 def _remove_stale(operator: RunningOperator) -> None:
-    print(
+    _say(
         f"{operator.name}: its operator (process {operator.pid}) has exited; "
         "its tasks stop by themselves within two seconds"
     )
     operator.path.unlink(missing_ok=True)
 
 
-def _read(path: Path) -> RunningOperator:
-    fields = json.loads(path.read_bytes())
-    return RunningOperator(path, str(fields["address"]), int(fields["pid"]))
-
-
-def _is_alive(pid: int) -> bool:
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:  # a process of another user
-        return True
-    return True
+def _say(line: str) -> None:
+    """Print a line; this verb imports no console."""
+    print(without_controls(line))

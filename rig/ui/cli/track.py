@@ -11,7 +11,8 @@ from typing import Annotated, NamedTuple
 import typer
 
 from rig.errors import BAD_DATA, ConfigError
-from rig.ui.cli.output import out, print_json
+from rig.ui.cli.output import print_json
+from rig.ui.cli.page import print_paragraph, print_written
 from vision.errors import VisionError
 
 FIELDS = ("frame", "t_s", "angle_rad", "sigma_rad", "valid", "reason")
@@ -80,12 +81,13 @@ def track(
         print_json(document | {"reasons": reasons, "rows": [row._asdict() for row in rows]})
         return code
     rejected = f"; rejected: {refused}" if refused else ""
-    out.print(f"{video}: {len(valid)} of {len(rows)} frames with an angle{rejected}")
+    print_paragraph(f"{video}: {len(valid)} of {len(rows)} frames with an angle{rejected}")
     if valid:
         angles = [row.angle_rad or 0.0 for row in valid]
-        out.print(f"angle: {min(angles) * 1e3:.2f} to {max(angles) * 1e3:.2f} mrad")
+        print_paragraph(f"angle: {min(angles) * 1e3:.2f} to {max(angles) * 1e3:.2f} mrad")
     for reason in reasons:
-        out.print(reason, style="red")
+        print_paragraph(reason, "red", "  ")
+    print_written(csv_file)
     return code
 
 

@@ -13,6 +13,9 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command, get_group
 
+from rig.ui.cli.examples import EXAMPLES
+from rig.ui.cli.option_units import check_units
+
 
 class VerbRow(NamedTuple):
     """A row of a verb table."""
@@ -76,6 +79,7 @@ class LazyGroup(TyperGroup):
     """Command group whose commands are imported when they are called; subclasses name the table."""
 
     verbs: Mapping[str, VerbRow] = {}
+    path = ""  # words before the verb, below `rig`
 
     def list_commands(self, ctx: Any) -> list[str]:
         """List the names of the verbs, in the order of the table."""
@@ -91,7 +95,10 @@ class LazyGroup(TyperGroup):
         name, stand_in, rest = super().resolve_command(ctx, args)
         if name is None or name not in self.verbs:  # click's own fallback, without a name
             return name, stand_in, rest
-        return name, load(name, self.verbs[name]), rest
+        command = load(name, self.verbs[name], self.path)
+        if not ctx.resilient_parsing:  # a shell that completes the line is told nothing
+            check_units(command, rest)
+        return name, command, rest
 
 
 class RigGroup(LazyGroup):
@@ -104,15 +111,26 @@ class ServoGroup(LazyGroup):
     """Group of `rig servo`."""
 
     verbs = SERVO_VERBS
+    path = "servo"
 
 
-def load(name: str, verb: VerbRow) -> Any:
-    """Import a verb and make its command."""
+def load(name: str, verb: VerbRow, path: str = "") -> Any:
+    """Import a verb and make its command; path: the words before the verb, below `rig`."""
     module, _, attribute = verb.target.partition(":")
     found = getattr(import_module(module), attribute)
     command = get_group(found) if isinstance(found, typer.Typer) else _command_of(found)
     command.name = name
+    _add_examples(command, f"{path} {name}".strip())
     return command
+
+
+def _add_examples(command: Any, words: str) -> None:
+    """End the help of a command, and of the commands below it, with examples."""
+    lines = [f"rig {example}" for example in EXAMPLES.get(words, ())]
+    if lines:
+        command.epilog = "\n\n".join(["Examples:", *lines])  # a paragraph each, or they are joined
+    for name, inner in getattr(command, "commands", {}).items():
+        _add_examples(inner, f"{words} {name}")
 
 
 def _command_of(function: Any) -> Any:

@@ -1,224 +1,261 @@
-"""Figures of a run: position, swing, residual swing, and the camera image with the cable."""
+"""Figures of a run: position, swing and residual swing, each with a panel of differences.
+
+A figure is as wide as a phone: its text stays readable there, and two fit beside each other on a
+wide screen. The true curve is a wide band, the measured samples are dots on top of it.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Iterator
+from typing import Literal
 
-import cv2
-import msgspec
 import numpy as np
+import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from comms.messages import AngleSample
 from rig.analysis.identify.decay import DecayFit
+from rig.analysis.identify.swing import truth_at
 from rig.analysis.run_log import FloatArray, RunLog
-from rig.ui.plots.style import (
-    BLUE,
-    GREEN,
-    GREY,
-    IMAGE_CYAN,
-    IMAGE_YELLOW,
-    ORANGE,
-    RED,
-    SHADE,
-    style_axes,
-)
+from rig.ui.plots.style import BLUE, GREEN, GREY, INK, ORANGE, RED, SHADE, style_axes
 
-WIDTH_IN = 10.0
-HEIGHT_IN = 3.2  # of a figure with one panel
+BoolArray = npt.NDArray[np.bool_]
+
+WIDTH_IN = 3.8
+UPPER_IN = 1.6  # height of the panel of the quantity
+LOWER_IN = 0.8  # height of the panel of differences
+LEFT_IN = 0.56  # room for a number of six signs
+RIGHT_IN = 0.08
+TITLE_IN = 0.20  # above each panel
+LEGEND_ROW_IN = 0.17
+BOTTOM_IN = 0.42
+GAP_IN = 0.05
+LEGEND_COLUMNS = 3
+FONT_PT = 8.0
+TITLE_PAD_PT = 3.0
+MAX_TICKS = 5  # of a vertical axis
+
 PLANNED = GREY
+COMMANDED = ORANGE
 ACTUAL = BLUE
 TRUE = GREEN
 TWIN = ORANGE  # the run without losses
 MEASURED = RED
+FITTED = BLUE
+BAND_PT = 4.5
+BAND_ALPHA = 0.45
+DOT_PT = 1.8
+
 AROUND_S = 0.6  # time shown before and after the move [s]
+TIME_LABEL = "time from the start of the move [s]"
+
+
+class TwoPanels:
+    """Figure with a panel of a quantity above a panel of differences, on one time axis."""
+
+    def __init__(self, title: str, difference: str) -> None:
+        self.figure = Figure()
+        self.upper: Axes
+        self.lower: Axes
+        self.upper, self.lower = self.figure.subplots(2, 1, sharex=True)
+        self.upper.set_title(title, loc="left", fontsize=FONT_PT, pad=TITLE_PAD_PT)
+        self.title_difference(difference, "left", INK)
+
+    def title_difference(self, text: str, side: Literal["left", "right"], colour: str) -> None:
+        """Write the title of the lower panel at one side, in the colour of its line."""
+        self.lower.set_title(text, loc=side, fontsize=FONT_PT, pad=TITLE_PAD_PT, color=colour)
+
+    def lay_out(self) -> Figure:
+        """Place panels and legend at fixed margins; call it once everything is drawn."""
+        for axes in (self.upper, self.lower):
+            style_axes(axes)
+            axes.patch.set_visible(False)
+            axes.tick_params(labelsize=FONT_PT)
+            axes.locator_params(axis="y", nbins=MAX_TICKS)
+        self.lower.set_xlabel(TIME_LABEL, fontsize=FONT_PT)
+        handles, labels = self.upper.get_legend_handles_labels()
+        legend_in = math.ceil(len(labels) / LEGEND_COLUMNS) * LEGEND_ROW_IN + GAP_IN
+        lower_in = BOTTOM_IN
+        upper_in = lower_in + LOWER_IN + TITLE_IN + GAP_IN
+        height_in = upper_in + UPPER_IN + TITLE_IN + legend_in
+        self.figure.set_size_inches(WIDTH_IN, height_in)
+        self._place(self.upper, upper_in, UPPER_IN)
+        self._place(self.lower, lower_in, LOWER_IN)
+        self.figure.legend(
+            handles,
+            labels,
+            loc="upper left",
+            ncols=LEGEND_COLUMNS,
+            fontsize=FONT_PT,
+            frameon=False,
+            borderaxespad=0.0,
+            borderpad=0.2,
+            labelspacing=0.3,
+            handlelength=1.4,
+            handletextpad=0.5,
+            columnspacing=1.0,
+        )
+        return self.figure
+
+    def _place(self, axes: Axes, bottom_in: float, height_in: float) -> None:
+        height = self.figure.get_figheight()
+        width_in = WIDTH_IN - LEFT_IN - RIGHT_IN
+        axes.set_position(
+            (
+                LEFT_IN / WIDTH_IN,
+                bottom_in / height,
+                width_in / WIDTH_IN,
+                height_in / height,
+            )
+        )
 
 
 def position(run: RunLog, twin: RunLog | None) -> Figure:
     """Draw planned, commanded and actual position during the move, and actual minus planned."""
-    figure, (upper, lower) = _two_panels()
-    t_sent, commanded, t_actual, actual = run.robot.T
+    panels = TwoPanels("position x [m]", "actual - planned [mm]")
+    upper = panels.upper
+    t_sent, commanded, _, _ = run.robot.T
     t0, t1 = _move_window(run)
-    shown = np.linspace(t0, t1, 1000)
-    upper.plot(shown - run.t_move_s, run.planned_m(shown), color=PLANNED, lw=2.5, label="planned")
-    upper.plot(*_cut(t_sent, commanded, t0, t1, run.t_move_s), color=TWIN, lw=1, label="commanded")
-    upper.plot(*_cut(t_actual, actual, t0, t1, run.t_move_s), color=ACTUAL, lw=1.2, label="actual")
-    error = (actual - run.planned_m(t_actual)) * 1e3
-    lower.plot(
-        *_cut(t_actual, error, t0, t1, run.t_move_s), color=ACTUAL, lw=1.2, label="actual - planned"
+    shown = np.linspace(t0, t1, 500)
+    upper.plot(
+        shown - run.t_move_s,
+        run.planned_m(shown),
+        color=PLANNED,
+        lw=BAND_PT,
+        alpha=BAND_ALPHA,
+        label="planned",
     )
+    upper.plot(*_cut(run, t_sent, commanded), color=COMMANDED, lw=1, label="commanded")
+    _draw_actual(panels, run, ACTUAL, "-", "actual")
     if twin is not None:
-        _, _, t_twin, actual_twin = twin.robot.T
-        a, b = _move_window(twin)
-        upper.plot(
-            *_cut(t_twin, actual_twin, a, b, twin.t_move_s),
-            color=TRUE,
-            lw=1,
-            ls="--",
-            label="actual, without losses",
-        )
-        twin_error = (actual_twin - twin.planned_m(t_twin)) * 1e3
-        lower.plot(
-            *_cut(t_twin, twin_error, a, b, twin.t_move_s),
-            color=TRUE,
-            lw=1,
-            ls="--",
-            label="without losses",
-        )
-    _finish(upper, "x [m]", "")
-    _finish(lower, "difference [mm]", "time from the start of the move [s]")
-    return figure
+        _draw_actual(panels, twin, TRUE, "--", "actual, without losses")
+    return panels.lay_out()
 
 
 def swing(run: RunLog, twin: RunLog | None) -> Figure:
     """Draw measured and true angle over the whole run, and measured minus true."""
-    figure, (upper, lower) = _two_panels()
-    t, angle, _ = run.swing
-    t_true, true, rate, _ = run.truth.T
-    zero = run.t_move_s
+    panels = TwoPanels("swing [mrad]", "measured - true [mrad]")
+    everything = np.ones(run.swing[0].size, dtype=bool)
     if twin is not None:
-        upper.plot(
-            twin.truth[:, 0] - twin.t_move_s,
-            twin.truth[:, 1] * 1e3,
-            color=TWIN,
-            lw=1,
-            label="true, without losses",
-        )
-    if t_true.size:
-        upper.plot(t_true - zero, true * 1e3, color=TRUE, lw=1.6, label="true")
-    upper.plot(t - zero, angle * 1e3, ".", ms=2, color=MEASURED, label="measured")
-    if t_true.size > 1:
-        from rig.analysis.identify.swing import truth_at
-
-        inside = (t >= t_true[0]) & (t <= t_true[-1])
-        error = (angle[inside] - truth_at(t[inside], t_true, true, rate)) * 1e3
-        lower.plot(t[inside] - zero, error, color=MEASURED, lw=0.8, label="measured - true")
-    for axes in (upper, lower):
-        if run.plan.time_s:
+        _draw_twin(panels.upper, twin, -math.inf)
+    _draw_truth(panels.upper, run, -math.inf)
+    _draw_measured(panels.upper, run, everything)
+    _draw_error(panels.lower, run, everything)
+    if run.plan.time_s:
+        for axes in (panels.upper, panels.lower):
             axes.axvspan(0, run.plan.time_s, color=SHADE, lw=0)
-    _finish(upper, "swing [mrad]", "")
-    _finish(lower, "difference [mrad]", "time from the start of the move [s]")
-    return figure
+    return panels.lay_out()
 
 
 def residual(run: RunLog, fit: DecayFit | None, twin: RunLog | None) -> Figure:
-    """Draw the swing after the move: measured, true and fitted decay."""
-    figure = Figure(figsize=(WIDTH_IN, HEIGHT_IN), layout="constrained")
-    axes = figure.subplots()
-    t, angle, _ = run.swing
-    zero, after = run.t_move_s, run.t_settled_s
+    """Draw measured, true and fitted swing after the move, and the differences from measured."""
+    panels = TwoPanels("swing after the move [mrad]", "")
+    after = run.swing[0] >= run.t_settled_s
     if twin is not None:
-        later = twin.truth[:, 0] >= twin.t_settled_s
+        _draw_twin(panels.upper, twin, twin.t_settled_s)
+    _draw_truth(panels.upper, run, run.t_settled_s)
+    if fit is not None and after.any():
+        _draw_fit(panels, run, fit, after)
+    _draw_measured(panels.upper, run, after)
+    if run.truth.size:
+        panels.title_difference("measured - true [mrad]", "left", MEASURED)
+        _draw_error(panels.lower, run, after)
+    return panels.lay_out()
+
+
+def all_figures(
+    run: RunLog, fit: DecayFit | None, twin: RunLog | None
+) -> Iterator[tuple[str, Figure]]:
+    """Draw the figures of a run one after the other, each with its name."""
+    yield "position", position(run, twin)
+    yield "swing", swing(run, twin)
+    yield "residual swing", residual(run, fit, twin)
+
+
+def _draw_actual(panels: TwoPanels, run: RunLog, colour: str, line: str, label: str) -> None:
+    _, _, t, actual = run.robot.T
+    error_mm = (actual - run.planned_m(t)) * 1e3
+    panels.upper.plot(*_cut(run, t, actual), color=colour, lw=1.2, ls=line, label=label)
+    panels.lower.plot(*_cut(run, t, error_mm), color=colour, lw=1.2, ls=line)
+
+
+def _draw_truth(axes: Axes, run: RunLog, from_s: float) -> None:
+    t, true, _, _ = run.truth.T
+    shown = t >= from_s
+    if shown.any():
         axes.plot(
-            twin.truth[later, 0] - twin.t_move_s,
-            twin.truth[later, 1] * 1e3,
-            color=TWIN,
-            lw=1,
-            label="true, without losses",
+            t[shown] - run.t_move_s,
+            true[shown] * 1e3,
+            color=TRUE,
+            lw=BAND_PT,
+            alpha=BAND_ALPHA,
+            label="true",
         )
-    later = run.truth[:, 0] >= after
+
+
+def _draw_twin(axes: Axes, twin: RunLog, from_s: float) -> None:
+    t, true, _, _ = twin.truth.T
+    shown = t >= from_s
     axes.plot(
-        run.truth[later, 0] - zero, run.truth[later, 1] * 1e3, color=TRUE, lw=1.5, label="true"
+        t[shown] - twin.t_move_s,
+        true[shown] * 1e3,
+        color=TWIN,
+        lw=1,
+        label="true, without losses",
     )
-    seen = t >= after
-    axes.plot(t[seen] - zero, angle[seen] * 1e3, ".", ms=2.5, color=MEASURED, label="measured")
-    if fit is not None and seen.any():
-        fine = np.linspace(t[seen][0], t[seen][-1], 800)
-        axes.plot(fine - zero, fit.angle(fine) * 1e3, color=ACTUAL, lw=0.9, label="fitted decay")
-        axes.plot(
-            fine - zero,
-            (fit.offset_rad + fit.amplitude_at(fine)) * 1e3,
-            color=ACTUAL,
-            lw=0.6,
-            ls=":",
-            label="amplitude",
-        )
-    _finish(axes, "swing [mrad]", "time from the start of the move [s]")
-    return figure
 
 
-def camera(run: RunLog) -> Figure | None:
-    """Draw the logged image nearest the largest measured swing, with the detected cable.
-
-    None when the log has no images or no angles.
-    """
-    pictures = run.pictures()
-    seen = [a for a in run.angles if a.raw_rad is not None]
-    settings = msgspec.json.decode(run.log.attachments.get("vision.json", b"null"))
-    if not pictures or not seen or settings is None:
-        return None
-    largest_s = max(seen, key=lambda a: abs(a.angle_rad or 0.0)).t_valid_ns * 1e-9
-    stamps = [p.timestamp.sec + p.timestamp.nsec * 1e-9 for p in pictures]
-    k = int(np.argmin([abs(t - largest_s) for t in stamps]))
-    image = cv2.imdecode(np.frombuffer(pictures[k].data, dtype=np.uint8), cv2.IMREAD_GRAYSCALE)
-    if image is None:
-        return None
-    average_s = (settings["average_frames"] - 1) / 2 * settings["period_ns"] * 1e-9
-    sample = min(seen, key=lambda a: abs(a.t_valid_ns * 1e-9 + average_s - stamps[k]))
-    width_in = WIDTH_IN * 0.72
-    height_in = width_in * image.shape[0] / image.shape[1] + 0.3
-    figure = Figure(figsize=(width_in, height_in), layout="constrained")
-    axes = figure.subplots()
-    axes.imshow(np.dstack([image, image // 6, image // 6]))
-    _draw_cable(axes, sample, settings, image.shape[0])
-    raw = (sample.raw_rad or 0.0) * 1e3
-    axes.set_title(
-        f"{stamps[k] - run.t_move_s:+.2f} s from the start of the move: "
-        f"{raw:.2f} mrad in the image",
-        fontsize=9,
-    )
-    axes.set_xlim(0, image.shape[1])
-    axes.set_ylim(image.shape[0], min(0.0, settings["pivot_home_px"][1] - 10))
-    axes.legend(loc="lower right", fontsize=8)
-    return figure
-
-
-def _draw_cable(axes: Axes, sample: AngleSample, settings: dict[str, Any], height: int) -> None:
-    u0, v0 = settings["pivot_home_px"]
-    u0 += settings["pixels_per_m"] * (sample.platform_m or 0.0)
-    rows = np.array([v0, height - 1.0])
-    columns = u0 + (sample.pivot_miss_px or 0.0) + math.tan(sample.raw_rad or 0.0) * (rows - v0)
+def _draw_measured(axes: Axes, run: RunLog, shown: BoolArray) -> None:
+    t, angle, _ = run.swing
     axes.plot(
-        columns,
-        rows,
-        color=IMAGE_CYAN,
-        lw=1.0,
-        ls="--",
-        label=f"detected cable ({sample.rows} rows)",
+        t[shown] - run.t_move_s,
+        angle[shown] * 1e3,
+        ".",
+        ms=DOT_PT,
+        color=MEASURED,
+        label="measured",
     )
-    axes.plot([u0], [v0], "x", color=IMAGE_YELLOW, label="predicted pivot")
 
 
-def _two_panels() -> tuple[Figure, tuple[Axes, Axes]]:
-    figure = Figure(figsize=(WIDTH_IN, HEIGHT_IN * 1.5), layout="constrained")
-    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
-    return figure, (upper, lower)
+def _draw_error(axes: Axes, run: RunLog, shown: BoolArray) -> None:
+    """Draw measured minus true swing of the samples shown, where the truth is known."""
+    t, angle, _ = run.swing
+    t_true, true, rate, _ = run.truth.T
+    if t_true.size < 2:
+        return
+    inside = shown & (t >= t_true[0]) & (t <= t_true[-1])
+    error = angle[inside] - truth_at(t[inside], t_true, true, rate)
+    axes.plot(t[inside] - run.t_move_s, error * 1e3, color=MEASURED, lw=0.8)
+
+
+def _draw_fit(panels: TwoPanels, run: RunLog, fit: DecayFit, after: BoolArray) -> None:
+    t, angle, _ = run.swing
+    t_after = t[after]
+    fine = np.linspace(t_after[0], t_after[-1], 600)
+    fine_s = fine - run.t_move_s
+    amplitude = fit.offset_rad + fit.amplitude_at(fine)
+    averaged = fit.angle(
+        t_after,
+        average_frames=run.facts.average_frames,
+        frame_period_s=1.0 / run.facts.rate_hz,
+    )
+    upper = panels.upper
+    upper.plot(fine_s, fit.angle(fine) * 1e3, color=FITTED, lw=0.8, label="fitted decay")
+    upper.plot(fine_s, amplitude * 1e3, color=FITTED, lw=0.8, ls=":", label="amplitude")
+    difference_mrad = (angle[after] - averaged) * 1e3
+    panels.title_difference("measured - fitted [mrad]", "right", FITTED)
+    panels.lower.plot(t_after - run.t_move_s, difference_mrad, color=FITTED, lw=0.8)
 
 
 def _move_window(run: RunLog) -> tuple[float, float]:
     """Compute start and end of the time shown around the move [s], run clock."""
-    end_s = run.plan.time_s if run.plan.time_s else run.plan.watch_s
+    end_s = run.plan.time_s or run.plan.watch_s
     return run.t_move_s - AROUND_S, run.t_move_s + end_s + AROUND_S
 
 
-def _cut(
-    t: FloatArray, y: FloatArray, t0: float, t1: float, zero_s: float
-) -> tuple[FloatArray, FloatArray]:
-    """Keep the samples from t0 to t1; times count from zero_s."""
+def _cut(run: RunLog, t: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Keep the samples around the move; times count from its start."""
+    t0, t1 = _move_window(run)
     keep = (t >= t0) & (t <= t1)
-    return t[keep] - zero_s, y[keep]
-
-
-def _finish(axes: Axes, ylabel: str, xlabel: str) -> None:
-    style_axes(axes, xlabel=xlabel, ylabel=ylabel)
-    if axes.get_legend_handles_labels()[0]:
-        axes.legend(
-            loc="lower left",
-            bbox_to_anchor=(0.0, 1.0),
-            fontsize=8,
-            ncols=6,
-            frameon=False,
-            borderaxespad=0.2,
-        )
+    return t[keep] - run.t_move_s, y[keep]

@@ -16,12 +16,24 @@ OLIVE = "#9e9d24"
 SLATE = "#455a64"
 NAVY = "#1a237e"
 INK = "#212121"  # nearly black
+BLACK = "#000000"  # matplotlib's own colour of text, ticks and frames
 GREY = "#757575"
 PALE_RED = "#ffcdd2"
 LIGHT_RED = "#e57373"
-SHADE = "#00000012"  # black at 7 % opacity: the time of a move, the range of a parameter
+SHADE = "#21212112"  # INK at 7 % opacity: the time of a move, the range of a parameter
 IMAGE_CYAN = "#00e5ff"  # on top of a camera image
 IMAGE_YELLOW = "#ffd600"
+
+# the same colours on a dark page
+DARK = {
+    BLUE: "#64b5f6",
+    RED: "#ff8a80",
+    GREEN: "#81c784",
+    ORANGE: "#ffb74d",
+    GREY: "#bdbdbd",
+    INK: "#e0e0e0",
+    BLACK: "#e0e0e0",
+}
 
 SERIES = (BLUE, RED, GREEN, ORANGE, PURPLE, TEAL)
 SERIES_WITHOUT_RED = (BLUE, GREEN, ORANGE, PURPLE, TEAL, BROWN, PINK, OLIVE, SLATE)

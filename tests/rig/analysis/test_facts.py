@@ -48,6 +48,13 @@ def test_the_facts_are_taken_from_their_tables():
     assert (facts.cable_length_m, facts.reference_delay_ms) == (0.9, 3.5)
 
 
+def test_the_model_is_a_cable_with_its_damping_or_a_chain():
+    damped = {**TABLES, "model": {**TABLES["model"], "damping_ratio": 0.01}}
+    chain = {**TABLES, "model": {**TABLES["model"], "links": ["0.5:1:bar"]}}
+    assert (facts_of(damped).damping_ratio, facts_of(damped).is_chain) == (0.01, False)
+    assert (facts_of(TABLES).damping_ratio, facts_of(chain).is_chain) == (0.0, True)
+
+
 def test_keys_that_the_analysis_does_not_use_are_ignored():
     more = {**TABLES, "brakes": {"kind": "disc"}, "model": {**TABLES["model"], "colour": "red"}}
     assert facts_of(more) == facts_of(TABLES)

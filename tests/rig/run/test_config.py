@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from rig.errors import USAGE, ConfigError
 from rig.run import config
 from rig.run.config import Experiment
+from rig.run.runtime import bench
 
 SMALLEST = '[experiment]\nname = "mine"\n'
 SECTIONS = (
@@ -131,8 +132,8 @@ MISTAKES = {
     ),
     "a name with a blank": (
         '[experiment]\nname = "my run"',
-        "[experiment] name = 'my run': expected `str` matching regex '^[A-Za-z0-9_\\\\-]{1,60}$'; "
-        "correct the value",
+        "[experiment] name = 'my run': expected `str` matching regex "
+        "'^[A-Za-z0-9_\\\\-]{1,60}\\\\Z'; correct the value",
     ),
     "a list that is too long": (
         SMALLEST + "[vision]\nrough_pivot_px = [1, 2, 3]",
@@ -176,7 +177,6 @@ OUT_OF_BOUNDS = [
     ("vision.average_frames", 0, ">= 1"),
     ("vision.processing_ms", 1001, "<= 1000"),
     ("vision.rough_pixels_per_m", 0, "> 0"),
-    ("network.base_port", 65_001, "<= 65000"),
     ("record.pictures_hz", 51, "<= 50"),
     ("links.reference.delay_ms", -1, ">= 0"),
     ("links.reference.burst", 0, ">= 1"),
@@ -230,6 +230,54 @@ def test_a_file_that_is_no_text_is_refused_in_words(tmp_path: Path) -> None:
         config.read_experiment(str(file), [])
 
 
+@pytest.mark.parametrize("port", [-1, 80, 1023, 65_527, 999_999])
+def test_a_first_port_that_no_run_may_use_is_refused(port: int) -> None:
+    assert said_of_override(f"network.base_port={port}") == (
+        f"[network] base_port = {port}; must be 1024 to 65526, the first of 10 ports, "
+        "or 0 for free ones"
+    )
+
+
+@pytest.mark.parametrize("port", [0, 1024, 65_526])
+def test_a_first_port_leaves_room_for_all_ports_of_a_run(port: int) -> None:
+    chosen = config.read_experiment("move", [f"network.base_port={port}"]).network.base_port
+    assert chosen == port
+    assert port + config.PORTS - 1 <= 65_535
+
+
+DEEP = 5_000
+NESTED = {
+    "lists": f"[bench.pendulum]\nx = {'[' * DEEP}{']' * DEEP}\n",
+    "tables in a line": f"[bench.pendulum]\nx = {'{a=' * DEEP}1{'}' * DEEP}\n",
+    "a dotted key": f"[bench.pendulum]\n{'.'.join('a' * DEEP)} = 1\n",
+    "a header": f"[bench.pendulum.{'.'.join('a' * DEEP)}]\nx = 1\n",
+}
+
+
+@pytest.mark.parametrize("how", NESTED)
+def test_a_file_nested_without_end_is_refused_in_words(tmp_path: Path, how: str) -> None:
+    text = said(tmp_path, NESTED[how])
+    assert "has tables or lists within each other; must be <= 32 deep" in text
+    assert len(text) < 500
+
+
+@pytest.mark.parametrize(
+    "override", ["bench.pendulum.x=" + "[" * DEEP + "]" * DEEP, "bench." + "a." * DEEP + "x=1"]
+)
+def test_a_value_nested_without_end_is_refused_in_words(override: str) -> None:
+    text = said_of_override(override)
+    assert "must be <= 32 deep" in text
+    assert len(text) < 500
+
+
+@pytest.mark.parametrize(
+    "override", ['experiment.name="abc\\n"', 'bench.camera.name="red_plane\\n"']
+)
+def test_a_name_is_checked_to_its_very_end(override: str) -> None:
+    with pytest.raises(ConfigError, match="matching regex"):
+        bench.params(config.read_experiment("move", [override]))
+
+
 def test_a_missing_file_is_answered_with_what_is_shipped() -> None:
     with pytest.raises(ConfigError) as error:
         config.read_experiment("mov", [])
@@ -240,7 +288,7 @@ def test_a_missing_file_is_answered_with_what_is_shipped() -> None:
 
 
 def test_a_folder_is_no_experiment(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="no such file"):
+    with pytest.raises(ConfigError, match="a folder; must be a TOML file"):
         config.read_experiment(str(tmp_path), [])
 
 

@@ -100,10 +100,10 @@ def test_two_planners_are_run_one_after_the_other_and_compared(rig):
 def test_the_report_is_one_file_that_needs_nothing_else(rig):
     _, said, _ = rig("run", "--virtual", "--json", *BRIEF)
     page = (Path(msgspec.json.decode(said)["run_dir"]) / "report.html").read_text()
-    assert page.count("<svg") == 3
-    assert "data:image/png;base64" in page
+    assert page.count("<svg") == 4  # three figures, and the drawing on the camera image
+    assert "data:image/jpeg;base64" in page
     assert "<script" not in page
-    assert "src='http" not in page
+    assert "http" not in page
     assert "<link" not in page
 
 

@@ -1,0 +1,101 @@
+"""Examples at the end of `--help`, by verb: two command lines without the word `rig`.
+
+They run as they stand, given what they name: a file of points, a recorded run, a video.
+"""
+
+from __future__ import annotations
+
+EXAMPLES = {
+    "doctor": (
+        "doctor",
+        "doctor --base-port 47000 --json",
+    ),
+    "plan": (
+        "plan --planner zv --time 2 --length 0.98",
+        "plan --model jerk --robust length --time 2.5 --csv plan.csv",
+    ),
+    "compare": (
+        "compare 3.1",
+        "compare 3.7,4.1 --csv rows.csv",
+    ),
+    "run": (
+        "run move --virtual --seed 7",
+        "run --planner matrix_exponential,zv --virtual --set model.length_m=0.98",
+    ),
+    "stop": (
+        "stop",
+        "stop --emergency",
+    ),
+    "sim": (
+        "sim --video v.avi --truth t.csv",
+        "sim --video v.avi --truth t.csv --seconds 2 --set bench.camera.pitch_deg=0",
+    ),
+    "track": (
+        "track v.avi --pivot 320,-58.8",
+        "track v.avi --pivot 320,-58.8 --csv angles.csv",
+    ),
+    "analyze": (
+        "analyze last",
+        "analyze last --csv swing.csv --report",
+    ),
+    "recover": (
+        "recover last whole.mcap",
+        "recover runs/broken.mcap whole.mcap --json",
+    ),
+    "export": (
+        "export last --csv tables",
+        "export last --csv tables --parquet tables",
+    ),
+    "laws": (
+        "laws",
+        "laws compare --distance 0.2 --vmax 1 --amax 5",
+    ),
+    "laws compare": (
+        "laws compare --distance 0.2 --vmax 1 --amax 5",
+        "laws compare --jmax 60 --load-length 0.98 --json",
+    ),
+    "laws plot": (
+        "laws plot cycloidal modified_sine",
+        "laws plot --plot all.pdf",
+    ),
+    "spline": (
+        "spline points.csv --time 2",
+        "spline points.csv --vmax 3 --amax 2 --plot motion.svg",
+    ),
+    "motor-check": (
+        "motor-check --example 1",
+        "motor-check --example 1 --time 3.2 --plot plane.svg",
+    ),
+    "size": (
+        "size --example appendix",
+        "size --example appendix --entry 20x40 --plot chart.svg",
+    ),
+    "servo": (
+        "servo compare --controllers pid,lqg --truth listed",
+        "servo notch --detune 0.95",
+    ),
+    "servo compare": (
+        "servo compare --controllers pid,lqg --truth listed",
+        "servo compare --set drive.period_s=0.0005 --plot moves.svg",
+    ),
+    "servo notch": (
+        "servo notch",
+        "servo notch --antiresonance 150 --detune 0.95 --plot notch.svg",
+    ),
+    "servo observer": (
+        "servo observer --joint fitted",
+        "servo observer --time-constants 5e-4,2e-3 --order 2",
+    ),
+    "servo shaping": (
+        "servo shaping",
+        "servo shaping --shapers zv,ei --sample-time 0.001",
+    ),
+    "calibrate": (
+        "calibrate offsets --virtual",
+        "calibrate offsets --out camera.toml",
+    ),
+    "calibrate offsets": (
+        "calibrate offsets --virtual",
+        "calibrate offsets --experiment free_decay --virtual --out camera.toml",
+    ),
+}
