@@ -156,6 +156,7 @@ def _delays(s: Summary) -> Html:
             f"{_ms(late.reference_p99_ms)} / {_ms(late.reference_max_ms)}",
         ),
         ("skipped ticks", skipped),
+        ("motion, peaks beside the bounds of [safety]", s.motion.text),
         ("frames with an angle", f"{s.angles_valid} of {s.frames}"),
         (
             "measured minus true swing, rms during the move / outside",
