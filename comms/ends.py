@@ -99,6 +99,10 @@ class ChannelReceiver:
         """Return the file descriptor, for select."""
         return self.socket.fileno()
 
+    def has_pending(self) -> bool:
+        """Tell if packets wait that the last read left and select does not announce."""
+        return self.socket.has_pending()
+
     def read(self, clock: Clock) -> list[Message]:
         """Read the packets that arrived; count each, return the messages that are accepted."""
         accepted = []

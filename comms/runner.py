@@ -1,7 +1,7 @@
 """Wall-clock runner: one task in one process, real sockets, absolute deadlines.
 
-A late tick is counted and not repeated. A tick that is due is served before the messages that
-arrived at the same time.
+A late tick is counted and not repeated. A tick that is due is served before anything is read, and
+every read is bounded: what a stranger sends delays no tick.
 """
 
 from __future__ import annotations
@@ -11,16 +11,16 @@ import select
 import signal
 import sys
 from collections.abc import Callable
-from typing import Any
 
 import msgspec
 import zmq
 
-from comms.channels import CHANNELS, MS, received_by, sent_by
+from comms.channels import MS, received_by, sent_by
 from comms.clock import Clock, MonotonicClock
 from comms.codec import encode
 from comms.ends import ChannelReceiver, ChannelSender, Wiring
 from comms.errors import CommsError
+from comms.intake import MAX_WAIT_NS, Intake, Source
 from comms.link import LinkCount
 from comms.messages import Command, Frame, Message, Reply, Verb
 from comms.operator_bus import Context, TaskBus
@@ -29,8 +29,6 @@ from comms.priority import take_priority
 from comms.records import Event, LinkRow, Receipts, TaskTiming
 from comms.task import Step, Task
 
-# longest wait, and period of reading all sockets: the edge of a ZeroMQ descriptor can be missed
-MAX_WAIT_NS = 50 * MS
 RECORD_PERIOD_NS = 250 * MS
 # telemetry is sent in batches: one by one it would wake the operator a thousand times a second
 TELEMETRY_PERIOD_NS = 50 * MS
@@ -77,14 +75,8 @@ class WallRunner:
         self._bus = TaskBus(
             self._context, task.name, wiring.commands, wiring.telemetry, wiring.pictures
         )
-        self._polled: list[ChannelReceiver] = []  # read at every wake, do not wake the task
-        self._by_descriptor: dict[int, Any] = {}  # receivers that wake the task, and the bus
-        for name, receiver in self._receivers.items():
-            if CHANNELS[name].wakes:
-                self._by_descriptor[receiver.fileno()] = receiver
-            else:
-                self._polled.append(receiver)
-        self._by_descriptor[self._bus.fileno()] = self._bus
+        self._intake = Intake(self._receivers, clock)
+        self._intake.add(self._bus)
         self._early_commands: list[Command] = []  # received before the start of the task
         self._operator_counts: dict[str, LinkCount] = {}  # of channels to the operator
         self._outbox = Outbox()
@@ -122,7 +114,8 @@ class WallRunner:
             self._early_commands += [command for command in received if command is not None]
             if None in received:
                 return True
-            select.select([self._bus], [], [], MAX_WAIT_NS * 1e-9)
+            if not self._bus.has_pending():
+                select.select([self._bus], [], [], MAX_WAIT_NS * 1e-9)
         return False
 
     def _give_up(self) -> int:
@@ -134,36 +127,26 @@ class WallRunner:
         self._context.destroy(0)
         return ORPHANED
 
-    def _wait(self) -> list[Any]:
+    def _wait(self) -> list[Source]:
         """Wait until a deadline or a message; return the receivers and the bus to read."""
-        now = self._clock.now_ns()
-        due = now + MAX_WAIT_NS
+        due_ns = self._clock.now_ns() + MAX_WAIT_NS
         if self._wake_ns is not None:
-            due = min(due, self._wake_ns)
+            due_ns = min(due_ns, self._wake_ns)
         if self._outbox.due_ns is not None:
-            due = min(due, self._outbox.due_ns)
-        ready = select.select(self._by_descriptor, [], [], max(0, due - now) * 1e-9)[0]
-        if now >= self._read_all_ns:
-            self._read_all_ns = now + MAX_WAIT_NS
-            return list(self._by_descriptor.values())
-        return [self._by_descriptor[descriptor] for descriptor in ready]
+            due_ns = min(due_ns, self._outbox.due_ns)
+        return self._intake.wait(due_ns)
 
-    def _serve(self, ready: list[Any]) -> None:
-        """Serve what is due: polled channels, tick, packets, messages, telemetry, records."""
-        for receiver in self._polled:
-            self._read(receiver)
-        now = self._clock.now_ns()
-        if self._wake_ns is not None and self._wake_ns <= now:
-            self._lateness_ns.append(now - self._wake_ns)
-            self._wake_ns = None
-            self._execute(self._task.on_tick(now))
-        self._send_due()
-        for source in ready:
-            if source is self._bus:
-                self._read_commands()
-            else:
+    def _serve(self, ready: list[Source]) -> None:
+        """Serve what is due: tick, packets to send, received data, telemetry, records.
+
+        No read delays a tick by more than its bound: a tick that is due comes before each of them.
+        """
+        for source in (*self._intake.polled, *ready):
+            self._tick_if_due()
+            if self._exit is None:
                 self._read(source)
-        self._send_due()
+        self._tick_if_due()
+        now = self._clock.now_ns()
         if now >= self._telemetry_ns:
             self._telemetry_ns = now + TELEMETRY_PERIOD_NS
             self._bus.flush_telemetry()
@@ -171,9 +154,20 @@ class WallRunner:
             self._record_ns = now + RECORD_PERIOD_NS
             self._send_records(now)
 
-    def _read(self, receiver: ChannelReceiver) -> None:
-        for message in receiver.read(self._clock):
-            self._execute(self._task.on_message(receiver.name, message, self._clock.now_ns()))
+    def _tick_if_due(self) -> None:
+        now = self._clock.now_ns()
+        if self._exit is None and self._wake_ns is not None and self._wake_ns <= now:
+            self._lateness_ns.append(now - self._wake_ns)
+            self._wake_ns = None
+            self._execute(self._task.on_tick(now))
+        self._send_due()
+
+    def _read(self, source: Source) -> None:
+        if isinstance(source, ChannelReceiver):
+            for message in source.read(self._clock):
+                self._execute(self._task.on_message(source.name, message, self._clock.now_ns()))
+        else:
+            self._read_commands()
 
     def _read_commands(self) -> None:
         for command in self._bus.drain():

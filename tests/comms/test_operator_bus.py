@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import select
 import threading
 from collections.abc import Iterator
 
@@ -11,7 +12,15 @@ import zmq
 from comms.errors import PortInUse
 from comms.link import LinkCount
 from comms.messages import Command, Phase, Reply, Verb
-from comms.operator_bus import Context, Hello, OperatorBus, Record, TaskBus, Telemetry
+from comms.operator_bus import (
+    DRAIN_LIMIT,
+    Context,
+    Hello,
+    OperatorBus,
+    Record,
+    TaskBus,
+    Telemetry,
+)
 from comms.operator_request import ask
 from comms.records import Event, LinkRow, Receipts, TaskTiming
 from comms.udp import free_port, port_is_free
@@ -210,3 +219,48 @@ def test_a_port_in_use_is_named_with_what_to_do(context: Context, operator: Oper
     port = int(operator.telemetry.rpartition(":")[2])
     with pytest.raises(PortInUse, match=rf"TCP port {port} on {HOST} .*network\.base_port"):
         OperatorBus(context, HOST, port)
+
+
+def fill(context: Context, address: str, kind: int, parts: list[bytes]) -> zmq.Socket[bytes]:
+    """Send a socket of the operator far more than one drain may read."""
+    stranger = context.socket(kind)
+    stranger.connect(address)
+    for _ in range(5 * DRAIN_LIMIT):
+        stranger.send_multipart(parts)
+    return stranger
+
+
+@pytest.mark.parametrize("socket", ["commands", "telemetry", "pictures"])
+def test_a_drain_of_the_operator_is_bounded_and_the_next_one_goes_on(
+    context: Context, operator: OperatorBus, socket: str
+) -> None:
+    kind, parts = (zmq.DEALER, [b"hello"])
+    if socket != "commands":
+        kind, parts = (zmq.PUSH, [b"angle", b"good", b"pixels"])
+    stranger = fill(context, getattr(operator, socket), kind, parts)
+    counts = []
+    for _ in range(LOOKS):
+        operator.wait(LOOK_MS)
+        counts.append(len(list(operator.drain())))
+        if sum(counts) == 5 * DRAIN_LIMIT:
+            break
+    assert sum(counts) == 5 * DRAIN_LIMIT
+    assert max(counts) <= DRAIN_LIMIT
+    stranger.close()
+
+
+def test_a_drain_of_a_task_is_bounded_and_says_that_more_waits(
+    operator: OperatorBus, vision: TaskBus
+) -> None:
+    for _ in range(5 * DRAIN_LIMIT):
+        operator.heartbeat("vision")
+    drains: list[list[Command | None]] = []
+    for _ in range(LOOKS):
+        select.select([vision], [], [], 0 if vision.has_pending() else LOOK_MS / 1000)
+        drains.append(list(vision.drain()))
+        if sum(map(len, drains)) == 5 * DRAIN_LIMIT:
+            break
+    assert {command for drain in drains for command in drain} == {None}
+    assert sum(map(len, drains)) == 5 * DRAIN_LIMIT
+    assert max(map(len, drains)) <= DRAIN_LIMIT
+    assert not vision.has_pending()

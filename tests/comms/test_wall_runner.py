@@ -15,6 +15,7 @@ from comms import frames, operator_bus, runner
 from comms.channels import DATA
 from comms.clock import MonotonicClock, new_run_clock
 from comms.codec import Closing, decode, encode, encode_closing
+from comms.ends import ChannelReceiver
 from comms.link import LinkCount, LinkFaults, LinkModel, merge_counts
 from comms.messages import Command, Message, Phase, Reference, Reply, RobotState, Truth, Verb
 from comms.operator_bus import Context, Hello, OperatorBus, Record, StreamEnd, Telemetry
@@ -394,3 +395,63 @@ def test_a_task_without_a_heartbeat_exits_without_having_started(
     assert operator.exit_code() == ORPHANED
     assert "no heartbeat of the operator within 100 ms" in capsys.readouterr().err
     assert not operator.task.started
+
+
+def test_more_commands_than_one_drain_reads_are_all_answered(
+    operator: Operator, quick: None
+) -> None:
+    operator.launch()
+    operator.hears(Hello)
+    operator.bus.heartbeat("controller")
+    count = 3 * operator_bus.DRAIN_LIMIT
+    for number in range(1, count + 1):
+        operator.order(Verb.STATUS, number)
+    operator.hears(Reply, count)
+    operator.order(Verb.CLOSE, count + 1)
+    operator.hears(StreamEnd, 2)
+    assert operator.exit_code() == 0
+    answered = [r.id for r in operator.all(Reply) if isinstance(r, Reply)]
+    assert answered == list(range(1, count + 1))
+
+
+def test_a_tick_that_is_due_is_served_before_every_read(
+    operator: Operator, quick: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each read takes longer than the period of the ticks, as under a flood."""
+    served: list[str] = []
+
+    class Ticking(Echo):
+        """Task that notes its ticks."""
+
+        def on_tick(self, t_ns: int) -> Step:
+            served.append("tick")
+            return super().on_tick(t_ns)
+
+    class SlowClock(MonotonicClock):
+        """Clock on which the reads take their time."""
+
+        reads_ns = 0
+
+        def now_ns(self) -> int:
+            return super().now_ns() + self.reads_ns
+
+    def read(receiver: ChannelReceiver, clock: SlowClock) -> list[Message]:
+        clock.reads_ns += 6 * MS
+        served.append(receiver.name)
+        return []
+
+    monkeypatch.setattr(ChannelReceiver, "read", read)
+    operator.task = Ticking()
+    operator.clock = SlowClock(operator.clock.zero_ns)
+    operator.launch()
+    operator.hears(Hello)
+    operator.hears(TaskTiming, 2)
+    operator.order(Verb.CLOSE, 1)
+    operator.hears(StreamEnd, 2)
+    assert operator.exit_code() == 0
+    while served[-1] != "tick":  # the reads after the last tick are those of the shutdown
+        served.pop()
+    first = served.index("tick")
+    reads_between_ticks = "".join(name[0] for name in served[first:]).split("t")
+    assert {"reference", "joint_state"} <= set(served)
+    assert max(len(reads) for reads in reads_between_ticks) == 1

@@ -146,9 +146,9 @@ class ProcessRunner:
         names = self._children.names
         while roster.present != names and self._operator.stage is Stage.CONNECTING:
             self._bus.wait(MAX_WAIT_MS)
+            self._handle_signals(self._clock.now_ns())
             self._receive()
             now_ns = self._clock.now_ns()
-            self._handle_signals(now_ns)
             self._check_exited_tasks(now_ns)
             if now_ns > until_ns:
                 return
@@ -182,7 +182,9 @@ class ProcessRunner:
         if self._wake_ns is not None:
             wait_ms = max(0, min(MAX_WAIT_MS, (self._wake_ns - begin_ns) // MS))
         self._bus.wait(wait_ms)
-        self._inbox.starvation.add("operator", [self._clock.now_ns() - begin_ns - wait_ms * MS])
+        now_ns = self._clock.now_ns()
+        self._inbox.starvation.add("operator", [now_ns - begin_ns - wait_ms * MS])
+        self._handle_signals(now_ns)
         self._receive()
         now_ns = self._clock.now_ns()
         if now_ns >= self._next_check_ns:
@@ -191,15 +193,15 @@ class ProcessRunner:
             self._check_exited_tasks(now_ns)
             self._recorder.tick(now_ns)
             self._progress(now_ns)
-        self._handle_signals(now_ns)
         if self._wake_ns is not None and now_ns >= self._wake_ns:
             self._wake_ns = None
             self._carry_out(self._operator.on_tick(now_ns))
 
     def _receive(self) -> None:
-        """Handle everything that has arrived on the bus."""
+        """Handle what has arrived on the bus; a signal is handled before the next message."""
         for sender, content in self._bus.drain():
             now_ns = self._clock.now_ns()
+            self._handle_signals(now_ns)
             if isinstance(content, str):
                 self._answer_terminal(sender, content, now_ns)
             else:
