@@ -16,6 +16,8 @@ from comms.operator_bus import Context
 from comms.udp import UdpReceiver, UdpSender
 
 CLOSING_COPIES = 3  # of the closing datagram, which may be lost
+OPERATOR_SILENT_NS = 2_000 * MS  # longest silence of the operator, for tasks that move nothing
+ORPHAN_NS = 1_000 * MS  # from the loss of the operator to the exit: the robot comes to rest
 
 
 class Wiring(msgspec.Struct, frozen=True, kw_only=True):
@@ -32,6 +34,8 @@ class Wiring(msgspec.Struct, frozen=True, kw_only=True):
     faults: dict[str, LinkFaults] = {}
     pictures_hz: float = 2.0
     priority: int = 0  # requested SCHED_FIFO priority, 1..99; 0 = normal scheduling
+    operator_silent_ns: int = OPERATOR_SILENT_NS  # then the task stops, and exits after orphan_ns
+    orphan_ns: int = ORPHAN_NS
 
 
 class ChannelSender:

@@ -15,25 +15,23 @@ from collections.abc import Callable
 import msgspec
 import zmq
 
-from comms.channels import MS, received_by, sent_by
+from comms.channels import MS, received_by
 from comms.clock import Clock, MonotonicClock
-from comms.codec import encode
-from comms.ends import ChannelReceiver, ChannelSender, Wiring
+from comms.ends import ChannelReceiver, Wiring
 from comms.errors import CommsError
 from comms.intake import MAX_WAIT_NS, Intake, Source
-from comms.link import LinkCount
-from comms.messages import Command, Frame, Message, Reply, Verb
+from comms.messages import Command, Reply, Verb
 from comms.operator_bus import Context, TaskBus
-from comms.outbox import Outbox
+from comms.operator_watch import OperatorWatch
 from comms.priority import take_priority
 from comms.records import Event, LinkRow, Receipts, TaskTiming
-from comms.task import Step, Task
+from comms.task import Send, Step, Task
+from comms.task_output import TaskOutput
 
 RECORD_PERIOD_NS = 250 * MS
 # telemetry is sent in batches: one by one it would wake the operator a thousand times a second
 TELEMETRY_PERIOD_NS = 50 * MS
 DRAIN_NS = 200 * MS  # after the last send, in addition to the delay of the link
-OPERATOR_TIMEOUT_NS = 2_000 * MS  # ten heartbeats; then the task stops, and with it the robot
 START_TIMEOUT_NS = 30_000 * MS  # the imports of the slowest task on a busy machine
 DRAIN_POLL_S = 0.01
 ORPHANED, REFUSED = 5, 3  # exit codes
@@ -42,16 +40,18 @@ ORPHANED, REFUSED = 5, 3  # exit codes
 def main(build: Callable[[bytes], Task]) -> int:
     """Run the task of a process; return its exit code.
 
-    Standard input: {"wiring": ..., "settings": ...} in JSON; build makes the task from settings.
+    Standard input: {"wiring": ..., "settings": ...} in JSON on one line; build makes the task from
+    settings. It then stays open: its end tells that the process of the operator has exited.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # only the operator handles Ctrl-C
-    parts = msgspec.json.decode(sys.stdin.buffer.read(), type=dict[str, msgspec.Raw])
+    parts = msgspec.json.decode(sys.stdin.buffer.readline(), type=dict[str, msgspec.Raw])
     wiring = msgspec.json.decode(parts["wiring"], type=Wiring)
     task = build(bytes(parts["settings"]))
     # before any thread starts: those of ZeroMQ carry the frames and inherit the priority
     take_priority(wiring.priority)
+    clock = MonotonicClock(wiring.zero_ns)
     try:
-        runner = WallRunner(task, wiring, MonotonicClock(wiring.zero_ns))
+        runner = WallRunner(task, wiring, clock, sys.stdin.fileno())
     except CommsError as error:
         sys.stderr.write(f"{error}\n")
         return REFUSED
@@ -61,30 +61,30 @@ def main(build: Callable[[bytes], Task]) -> int:
 class WallRunner:
     """Runner of one task: executes its steps until it exits."""
 
-    def __init__(self, task: Task, wiring: Wiring, clock: Clock) -> None:
+    def __init__(self, task: Task, wiring: Wiring, clock: Clock, pipe: int | None = None) -> None:
+        """pipe: descriptor whose end tells that the process of the operator has exited."""
         self._task = task
         self._wiring = wiring
         self._clock = clock
         self._context: Context = zmq.Context()
-        self._senders = {
-            name: ChannelSender(name, wiring, self._context) for name in sent_by(task.name)
-        }
         self._receivers = {
             name: ChannelReceiver(name, wiring, self._context) for name in received_by(task.name)
         }
         self._bus = TaskBus(
             self._context, task.name, wiring.commands, wiring.telemetry, wiring.pictures
         )
+        self._output = TaskOutput(task.name, wiring, self._context, self._bus, clock)
         self._intake = Intake(self._receivers, clock)
         self._intake.add(self._bus)
+        self._watch = OperatorWatch(wiring.operator_silent_ns, pipe)
+        if self._watch.has_pipe:
+            self._intake.add(self._watch)
         self._early_commands: list[Command] = []  # received before the start of the task
-        self._operator_counts: dict[str, LinkCount] = {}  # of channels to the operator
-        self._outbox = Outbox()
         self._wake_ns: int | None = None
         self._exit: int | None = None
         self._lateness_ns: list[int] = []
-        self._record_ns = self._telemetry_ns = self._read_all_ns = 0
-        self._operator_ns = self._picture_ns = 0  # last message of the operator, last picture
+        self._record_ns = self._telemetry_ns = 0
+        self._leave_ns: int | None = None  # exit of a task that has lost its operator
 
     def run(self) -> int:
         """Run the task until it exits; return its exit code."""
@@ -93,12 +93,13 @@ class WallRunner:
         if not self._wait_for_heartbeat():
             return self._give_up()
         now = self._clock.now_ns()
-        self._operator_ns = now
+        self._watch.hear(now)
         self._execute(self._task.start(now))
         for command in self._early_commands:
             self._handle_command(command)
         while self._exit is None:
             self._serve(self._wait())
+            self._check_operator()
         self._close()
         return self._exit
 
@@ -115,14 +116,24 @@ class WallRunner:
             if None in received:
                 return True
             if not self._bus.has_pending():
-                select.select([self._bus], [], [], MAX_WAIT_NS * 1e-9)
+                self._await_operator()
+            if self._watch.is_gone:
+                return False
         return False
+
+    def _await_operator(self) -> None:
+        """Wait for a message of the operator or the end of its process, at most MAX_WAIT_NS."""
+        sources: list[Source] = [self._bus]
+        if self._watch.has_pipe:
+            sources.append(self._watch)
+        if self._watch in select.select(sources, [], [], MAX_WAIT_NS * 1e-9)[0]:
+            self._watch.read_pipe()
 
     def _give_up(self) -> int:
         """Close the sockets of a task that was never started; return its exit code."""
-        self._report_exit(f"no heartbeat of the operator within {START_TIMEOUT_NS / MS:.0f} ms")
-        for sender in self._senders.values():
-            sender.close(self._clock.now_ns())
+        reason = f"no heartbeat of the operator within {START_TIMEOUT_NS / MS:.0f} ms"
+        self._report_exit(self._watch.loss(0) or reason)
+        self._output.close()
         self._close_sockets()
         self._context.destroy(0)
         return ORPHANED
@@ -132,8 +143,8 @@ class WallRunner:
         due_ns = self._clock.now_ns() + MAX_WAIT_NS
         if self._wake_ns is not None:
             due_ns = min(due_ns, self._wake_ns)
-        if self._outbox.due_ns is not None:
-            due_ns = min(due_ns, self._outbox.due_ns)
+        if self._output.due_ns is not None:
+            due_ns = min(due_ns, self._output.due_ns)
         return self._intake.wait(due_ns)
 
     def _serve(self, ready: list[Source]) -> None:
@@ -160,28 +171,53 @@ class WallRunner:
             self._lateness_ns.append(now - self._wake_ns)
             self._wake_ns = None
             self._execute(self._task.on_tick(now))
-        self._send_due()
+        self._output.send_due()
 
     def _read(self, source: Source) -> None:
         if isinstance(source, ChannelReceiver):
             for message in source.read(self._clock):
                 self._execute(self._task.on_message(source.name, message, self._clock.now_ns()))
+        elif source is self._watch:
+            self._watch.read_pipe()
+            if self._watch.is_gone:
+                self._intake.remove(source)
         else:
             self._read_commands()
 
     def _read_commands(self) -> None:
         for command in self._bus.drain():
-            self._operator_ns = self._clock.now_ns()
+            self._watch.hear(self._clock.now_ns())
             if command is not None:
                 self._handle_command(command)
+
+    def _check_operator(self) -> None:
+        """Stop the task when its operator is lost; exit once the robot had the time to stop."""
         now = self._clock.now_ns()
-        silent_ns = now - self._operator_ns
-        if silent_ns > OPERATOR_TIMEOUT_NS:
-            self._report_exit(
-                f"no message from the operator for {silent_ns / MS:.0f} ms; "
-                f"must be <= {OPERATOR_TIMEOUT_NS / MS:.0f} ms: its process exited or was not run"
-            )
-            self._stop_task(ORPHANED)
+        if self._leave_ns is not None:
+            if now >= self._leave_ns:
+                self._stop_task(ORPHANED)
+            return
+        if self._exit is not None or self._watch.loss(now) is None:
+            return
+        self._read_commands()  # what arrived while this process itself was not run
+        reason = self._watch.loss(now)
+        if reason is not None and self._exit is None:
+            self._leave_ns = now + self._wiring.orphan_ns
+            self._report_exit(reason)
+            self._order_stop(Verb.STOP, reason, ORPHANED)
+
+    def _order_stop(self, verb: Verb, reason: str, code: int) -> None:
+        """Give the task a stop order that the operator did not send; it is told with the reason."""
+        now = self._clock.now_ns()
+        order = Command(seq=0, t_ns=now, id=0, to=self._task.name, verb=verb)
+        step = self._task.on_message("command", order, now)
+        sends: list[Send] = []
+        for send in step.sends:
+            message = send.message
+            if isinstance(message, Reply):
+                message = msgspec.structs.replace(message, ok=False, text=reason, exit=code)
+            sends.append(send._replace(message=message))
+        self._execute(step._replace(sends=sends))
 
     def _report_exit(self, reason: str) -> None:
         """Say on standard error and on the bus why this task exits by itself."""
@@ -207,34 +243,7 @@ class WallRunner:
             self._wake_ns = step.wake_ns
         if step.exit is not None:
             self._exit = step.exit
-        for channel, message, at_ns in step.sends:
-            if isinstance(message, Reply):
-                self._bus.reply(message)
-            elif channel in self._senders:
-                self._queue(self._senders[channel], message, at_ns)
-            else:  # truth: to the operator only
-                self._operator_counts.setdefault(channel, LinkCount()).sent += 1
-                self._bus.add_telemetry(channel, encode(channel, message, self._wiring.session))
-
-    def _queue(self, sender: ChannelSender, message: Message, at_ns: int) -> None:
-        data = encode(sender.name, message, self._wiring.session)
-        self._bus.add_telemetry(sender.name, data)
-        frame = message if isinstance(message, Frame) else None
-        if frame is not None:
-            self._send_picture(sender.name, frame, data)
-        delay_ns = sender.apply_link(message.seq)
-        if delay_ns is not None:
-            self._outbox.add(at_ns + delay_ns, sender, frame or data)
-
-    def _send_picture(self, channel: str, frame: Frame, data: bytes) -> None:
-        """Send a frame with its pixels to the log, at most pictures_hz times a second."""
-        if self._wiring.pictures_hz > 0 and frame.t_ns >= self._picture_ns:
-            self._picture_ns = frame.t_ns + round(1e9 / self._wiring.pictures_hz)
-            self._bus.picture(channel, data, frame.pixels.tobytes())
-
-    def _send_due(self) -> None:
-        while self._outbox.send_due(self._clock.now_ns()):
-            pass
+        self._output.take(step.sends)
 
     def _send_records(self, now: int) -> None:
         if self._lateness_ns:
@@ -253,11 +262,8 @@ class WallRunner:
 
     def _close(self) -> None:
         """Send the queued packets and the closing counts, drain the receivers, send the ledger."""
-        while (due_ns := self._outbox.due_ns) is not None:
-            select.select([], [], [], max(0, due_ns - self._clock.now_ns()) * 1e-9)
-            self._send_due()
-        for sender in self._senders.values():
-            sender.close(self._clock.now_ns())
+        self._output.flush()
+        self._output.close()
         self._drain()
         self._send_ledger()
 
@@ -275,9 +281,9 @@ class WallRunner:
         now = self._clock.now_ns()
         self._bus.flush_telemetry()
         self._send_records(now)
-        counts = {name: sender.count for name, sender in self._senders.items()}
+        counts = self._output.counts
         counts |= {name: receiver.count for name, receiver in self._receivers.items()}
-        counts |= self._operator_counts
+        counts |= self._output.operator_counts
         for name, count in counts.items():
             self._bus.record(LinkRow(channel=name, count=count))
         dropped = (self._bus.dropped_telemetry, self._bus.dropped_pictures)
@@ -286,7 +292,10 @@ class WallRunner:
             self._record_event("warning", text)
         self._bus.end_streams()
         self._close_sockets()
-        self._context.term()
+        if self._watch.is_gone:
+            self._context.destroy(0)
+        else:
+            self._context.term()
 
     def _close_sockets(self) -> None:
         for receiver in self._receivers.values():

@@ -111,6 +111,7 @@ class SafetySection(Section, frozen=True, kw_only=True):
     reference_stale_ms: Annotated[float, Meta(ge=30, le=60_000)] = 300.0
     robot_stale_ms: Annotated[float, Meta(ge=20, le=60_000)] = 100.0
     angle_stale_ms: Annotated[float, Meta(ge=100, le=60_000)] = 300.0
+    operator_silent_ms: Annotated[float, Meta(ge=150, le=60_000)] = 250.0  # three heartbeats
     # largest amplitude of the load before the move; a run with more is refused
     initial_swing_rad: Annotated[float, Meta(ge=0, le=1.6)] = 0.01
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import gc
+import os
 import re
 import select
 import threading
 from collections.abc import Iterator
 
+import msgspec
 import pytest
 import zmq
 
@@ -44,6 +46,8 @@ class Echo:
         self.late_ticks = 0
         self.started = self.stopped = False
         self.wakes: list[tuple[int, int]] = []  # (requested, served) [ns]
+        self.verbs: list[Verb] = []
+        self.stop_order_ns = self.stop_ns = 0
 
     def start(self, t_ns: int) -> Step:
         """Request the first tick."""
@@ -54,6 +58,9 @@ class Echo:
     def on_message(self, channel: str, message: Message, t_ns: int) -> Step:
         """Answer commands by their verb, references by their number; estop exits with code 4."""
         if isinstance(message, Command):
+            self.verbs.append(message.verb)
+            if message.verb is Verb.STOP:
+                self.stop_order_ns = t_ns
             text = message.verb.value
             reply = Reply(
                 seq=0,
@@ -77,7 +84,7 @@ class Echo:
 
     def stop(self, t_ns: int) -> Step:
         """Send the last state."""
-        self.stopped = True
+        self.stopped, self.stop_ns = True, t_ns
         return Step([Send("robot_state", state(PACKETS, t_ns), t_ns)])
 
 
@@ -135,8 +142,8 @@ class Operator:
         self.exit_codes: list[int] = []
         self._thread: threading.Thread | None = None
 
-    def launch(self) -> None:
-        """Start the runner in a thread."""
+    def launch(self, pipe: int | None = None, **changes: int) -> None:
+        """Start the runner in a thread; pipe, changes: of the runner and its wiring."""
         wiring = Wiring(
             session=SESSION,
             seed=5,
@@ -148,7 +155,8 @@ class Operator:
             pictures=self.bus.pictures,
             faults={"robot_state": LOSSY},
         )
-        wall = WallRunner(self.task, wiring, self.clock)
+        wiring = msgspec.structs.replace(wiring, **changes)
+        wall = WallRunner(self.task, wiring, self.clock, pipe)
         self._thread = threading.Thread(target=lambda: self.exit_codes.append(wall.run()))
         self._thread.start()
 
@@ -158,13 +166,13 @@ class Operator:
             Command(seq=number, t_ns=self.clock.now_ns(), id=number, to=self.task.name, verb=verb)
         )
 
-    def hears(self, wanted: type, count: int = 1) -> None:
-        """Read until `count` messages of a type arrived; send heartbeats after the Hello."""
+    def hears(self, wanted: type, count: int = 1, *, beat: bool = True) -> None:
+        """Read until `count` messages of a type arrived; beat: heartbeats after the Hello."""
         for _ in range(LOOKS):
             self.heard += [message for _, message in self.bus.drain()]
             if len(self.all(wanted)) >= count:
                 return
-            if self.all(Hello):
+            if beat and self.all(Hello):
                 self.bus.heartbeat(self.task.name)
             self.bus.wait(LOOK_MS)
         pytest.fail(f"{count} x {wanted.__name__} expected, received {self.heard}")
@@ -197,7 +205,6 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 def alone(quick: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """Short timeouts for a task without an operator."""
     monkeypatch.setattr(operator_bus, "LINGER_MS", 0)
-    monkeypatch.setattr(runner, "OPERATOR_TIMEOUT_NS", 100 * MS)
     monkeypatch.setattr(runner, "START_TIMEOUT_NS", 100 * MS)
 
 
@@ -371,21 +378,68 @@ def test_the_truth_goes_to_the_operator_and_into_the_ledger(bench_operator: Oper
     assert operator.rows()["truth"] == LinkCount(sent=1)
 
 
-def test_a_task_that_loses_its_operator_stops_and_exits(
-    operator: Operator, alone: None, capsys: pytest.CaptureFixture[str]
-) -> None:
-    operator.launch()
+def started_controller(operator: Operator, pipe: int | None = None, **changes: int) -> None:
+    """Launch the task and wait until it is started."""
+    operator.launch(pipe, **changes)
     operator.hears(Hello)
     operator.bus.heartbeat("controller")
     operator.order(Verb.STATUS, 1)
     operator.hears(Reply)
+
+
+def test_a_task_that_loses_its_operator_stops_and_exits(
+    operator: Operator, alone: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    started_controller(operator, operator_silent_ns=100 * MS, orphan_ns=20 * MS)
     operator.bus.close()
     assert operator.exit_code() == ORPHANED == 5
     said = capsys.readouterr().err
     assert re.search(
-        r"controller: no message from the operator for \d+ ms; must be <= 100 ms", said
+        r"controller: no message from the operator for \d+ ms; must be <= 100 ms "
+        r"\(safety.operator_silent_ms\)",
+        said,
     )
     assert operator.task.stopped
+
+
+def test_a_task_whose_operator_is_silent_stops_the_robot_and_reports_it_before_it_exits(
+    operator: Operator, alone: None
+) -> None:
+    started_controller(operator, operator_silent_ns=100 * MS, orphan_ns=100 * MS)
+    operator.hears(StreamEnd, 2, beat=False)
+    assert operator.exit_code() == ORPHANED
+    _, report = [r for r in operator.all(Reply) if isinstance(r, Reply)]
+    assert (report.id, report.ok, report.exit) == (0, False, ORPHANED)
+    assert report.text.startswith("no message from the operator for")
+    assert operator.task.verbs == [Verb.STATUS, Verb.STOP]
+    stop_ns, close_ns = operator.task.stop_order_ns, operator.task.stop_ns
+    assert close_ns - stop_ns >= 100 * MS  # the robot has the time to come to rest
+
+
+def test_the_death_of_the_operators_process_stops_the_robot_whatever_the_bound_of_its_silence(
+    operator: Operator, alone: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    reading, writing = os.pipe()
+    started_controller(operator, reading, operator_silent_ns=3_600_000 * MS, orphan_ns=20 * MS)
+    operator.hears(TaskTiming, 2)  # an open pipe keeps it from nothing
+    os.close(writing)
+    assert operator.exit_code() == ORPHANED
+    os.close(reading)
+    assert operator.task.verbs[-1] is Verb.STOP
+    assert "controller: the process of the operator has exited" in capsys.readouterr().err
+
+
+def test_the_death_of_the_operators_process_ends_a_task_that_waits_for_its_start(
+    operator: Operator, quick: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    reading, writing = os.pipe()
+    operator.launch(reading)
+    operator.hears(Hello, beat=False)
+    os.close(writing)
+    assert operator.exit_code() == ORPHANED
+    os.close(reading)
+    assert not operator.task.started
+    assert "the process of the operator has exited" in capsys.readouterr().err
 
 
 def test_a_task_without_a_heartbeat_exits_without_having_started(

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
+from comms.channels import MS
 from comms.clock import MonotonicClock, epoch_now_ns, new_run_clock, stopwatch_s, utc_now
 from comms.errors import CommsError
 from comms.link import LinkCount
@@ -160,6 +161,7 @@ def _run_wall(
             e.experiment.seed,
             dict(e.links),
             e.record.pictures_hz,
+            round(e.safety.operator_silent_ms * MS),
         )
     finally:
         ended.end_ns = clock.now_ns()

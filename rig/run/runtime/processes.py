@@ -30,7 +30,7 @@ from rig.run.runtime.interrupts import Interrupts
 from rig.run.runtime.ports import channel_ports
 from rig.run.tasks.operator import Operator, Stage
 
-HEARTBEAT_PERIOD_NS = 200 * MS
+HEARTBEAT_PERIOD_NS = 50 * MS
 PRIORITY = 5  # SCHED_FIFO of the operator, below all tasks, where it is allowed
 MAX_WAIT_MS = 40  # longest wait for a message; then signals and the clock are checked
 CHECK_PERIOD_NS = 100 * MS  # of processes, disk and progress
@@ -85,16 +85,18 @@ class ProcessRunner:
         seed: int,
         faults: dict[str, LinkFaults],
         pictures_hz: float,
+        silent_ns: int,
     ) -> dict[str, LinkCount]:
         """Run until every task has exited; return the settled ledger.
 
-        Raises PortInUse before anything starts.
+        silent_ns: silence of the operator after which the tasks that move stop. Raises PortInUse
+        before anything starts.
         """
         context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         self._bus = OperatorBus(context, host, base_port)
         delays_ms = [fault.delay_ms + fault.jitter_ms for fault in faults.values()]
         try:
-            wiring = self._wiring(host, base_port, seed, faults, pictures_hz)
+            wiring = self._wiring(host, base_port, seed, faults, pictures_hz, silent_ns)
             self._write_address()
             self._children.start(self._settings, wiring)
             self._await_tasks()
@@ -118,6 +120,7 @@ class ProcessRunner:
         seed: int,
         faults: dict[str, LinkFaults],
         pictures_hz: float,
+        silent_ns: int,
     ) -> Wiring:
         return Wiring(
             session=self._session,
@@ -130,6 +133,7 @@ class ProcessRunner:
             pictures=self._bus.pictures,
             faults=faults,
             pictures_hz=pictures_hz,
+            operator_silent_ns=silent_ns,
         )
 
     def _write_address(self) -> None:
@@ -177,19 +181,20 @@ class ProcessRunner:
 
     def _step(self) -> None:
         """Wait for messages, at most until the next wake-up; then do what is due."""
-        wait_ms = MAX_WAIT_MS
         begin_ns = self._clock.now_ns()
+        due_ns = min(begin_ns + MAX_WAIT_MS * MS, self._next_heartbeat_ns)
         if self._wake_ns is not None:
-            wait_ms = max(0, min(MAX_WAIT_MS, (self._wake_ns - begin_ns) // MS))
+            due_ns = min(due_ns, self._wake_ns)
+        wait_ms = max(0, -(-(due_ns - begin_ns) // MS))  # rounded up: never woken early
         self._bus.wait(wait_ms)
         now_ns = self._clock.now_ns()
         self._inbox.starvation.add("operator", [now_ns - begin_ns - wait_ms * MS])
         self._handle_signals(now_ns)
+        self._send_heartbeats(now_ns)
         self._receive()
         now_ns = self._clock.now_ns()
         if now_ns >= self._next_check_ns:
             self._next_check_ns = now_ns + CHECK_PERIOD_NS
-            self._send_heartbeats(now_ns)
             self._check_exited_tasks(now_ns)
             self._recorder.tick(now_ns)
             self._progress(now_ns)

@@ -21,6 +21,7 @@ pytestmark = pytest.mark.xdist_group("wall")  # one rig at a time: five processe
 PATIENT = [
     "safety.robot_stale_ms=5000",
     "safety.reference_stale_ms=5000",
+    "safety.operator_silent_ms=5000",
 ]  # a busy machine is no fault of the rig's
 BRIEF = [
     "experiment.quiet_s=0.3",
@@ -185,10 +186,13 @@ def test_a_run_killed_outright_leaves_a_log_that_can_be_read_and_no_task_behind(
     assert any("incomplete" in reason for reason in analysis.summary.reasons)
     for pid in children:
         wait_until_gone(pid)
+    for task in ("controller", "streamer"):  # by the end of their input, not by a silence
+        said = (log.parent / f"{task}.log").read_text()
+        assert f"{task}: the process of the operator has exited" in said
 
 
 def wait_until_gone(pid: int) -> None:
-    """Wait for the exit of a task whose operator has been silent for 3 s."""
+    """Wait for the exit of a task whose operator has exited."""
     descriptor = os.pidfd_open(pid) if Path(f"/proc/{pid}").exists() else None
     if descriptor is None:
         return
