@@ -42,7 +42,7 @@ class StreamerSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
     move_ticks: tuple[int, int]  # first and last tick of the move; (0, 0) = no move
     envelope: Envelope
     angle_stale_ns: int  # 0 = no camera
-    robot_stale_ns: int = 100 * MS  # largest age of the robot state at the start
+    robot_stale_ns: int = 100 * MS  # largest age of the robot state, from the start on
     natural_frequency_rad_s: float  # of the model; for the fit of the initial swing
     initial_swing_rad: float  # largest amplitude before the move
 
@@ -123,10 +123,12 @@ class Streamer:
         return (Send("reference", reference, t_ns),)
 
     def _check(self, tick: int, t_ns: int) -> tuple[Send, ...]:
-        """Check initial swing and age of the angle; return reports, stop where a check fails."""
+        """Check initial swing and ages of the data; return reports, stop where a check fails."""
         first, _ = self._settings.move_ticks
         reports = self._check_initial_swing(t_ns) if self._tick < first <= tick else ()
-        fault = self._stale_angle(t_ns) if self._phase is Phase.RUNNING else None
+        fault = None
+        if self._phase is Phase.RUNNING:
+            fault = self._stale_robot(t_ns) or self._stale_angle(t_ns)
         if fault is None:
             return reports
         return (*reports, self._stop(fault, FAULT, t_ns))
@@ -153,6 +155,18 @@ class Streamer:
         allowed_rad = math.ceil(swing_rad * 110) / 100
         hint = f"wait, or allow it with --set safety.initial_swing_rad={allowed_rad:.2f}"
         return (self._stop(f"{text}; {bound}: {hint}", REFUSED, t_ns),)
+
+    def _stale_robot(self, t_ns: int) -> str | None:
+        """Describe a robot state that is too old; None while it is fresh."""
+        stale_ns = self._settings.robot_stale_ns
+        age_ns = t_ns - max(self._robot_ns, self._t_start_ns)
+        if age_ns <= stale_ns:
+            return None
+        return (
+            f"no robot state for {age_ns / MS:.0f} ms; "
+            f"must be <= {stale_ns / MS:.0f} ms (safety.robot_stale_ms): "
+            f"{self._pause.cause(age_ns, 'nothing arrived from the controller')}"
+        )
 
     def _stale_angle(self, t_ns: int) -> str | None:
         """Describe a cable angle that is too old; None while it is fresh."""

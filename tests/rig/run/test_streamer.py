@@ -121,9 +121,15 @@ def arm_and_start(streamer: Streamer) -> Streamer:
     return streamer
 
 
+def tick(streamer: Streamer, t_ns: int) -> Step:
+    """Tick of a streamer that has a fresh robot state."""
+    tell(streamer, robot_at(0.0, t_ns), t_ns)
+    return streamer.on_tick(t_ns)
+
+
 def play(streamer: Streamer, ticks: range, late_ns: int = 0) -> list[Step]:
     """Ticks from t_start on, each woken late."""
-    return [streamer.on_tick(T_START_NS + k * PERIOD_NS + late_ns) for k in ticks]
+    return [tick(streamer, T_START_NS + k * PERIOD_NS + late_ns) for k in ticks]
 
 
 def see(streamer: Streamer, ticks: range, amplitude_rad: float) -> list[Step]:
@@ -134,7 +140,7 @@ def see(streamer: Streamer, ticks: range, amplitude_rad: float) -> list[Step]:
         if k % 2 == 0:
             sample = angle(t_ns, amplitude_rad * math.sin(OMEGA_RAD_S * (t_ns - 35 * MS) * 1e-9))
             tell(streamer, sample, t_ns)
-        steps.append(streamer.on_tick(t_ns))
+        steps.append(tick(streamer, t_ns))
     return steps
 
 
@@ -535,6 +541,26 @@ def test_missing_angles_are_detected_from_t_start_on() -> None:
     assert (news.exit, news.phase) == (5, Phase.STOPPED)
     assert "no valid cable angle for 310 ms" in news.text
     assert "no picture arrived" in news.text
+
+
+def test_a_silent_controller_stops_the_move_at_the_first_tick_beyond_the_bound() -> None:
+    streamer, middle = started(), QUIET_TICKS + 40
+    play(streamer, range(middle + 1))
+    ticks = range(middle + 1, middle + 60)
+    steps = [streamer.on_tick(T_START_NS + k * PERIOD_NS) for k in ticks]
+    ((k, news),) = [(k, r) for k, step in zip(ticks, steps, strict=True) for r in replies(step)]
+    assert k == middle + 11  # 110 ms after the last robot state; 100 ms are still good
+    assert (news.ok, news.exit, news.phase) == (False, 5, Phase.STOPPED)
+    assert news.text == (
+        "no robot state for 110 ms; must be <= 100 ms (safety.robot_stale_ms): "
+        "nothing arrived from the controller"
+    )
+
+
+def test_a_robot_state_is_missed_from_t_start_on() -> None:
+    streamer = started()  # its only robot state arrived 510 ms before
+    steps = [streamer.on_tick(T_START_NS + k * PERIOD_NS) for k in range(12)]
+    assert [len(replies(step)) for step in steps] == [0] * 11 + [1]
 
 
 def test_settings_travel_as_json_and_a_position_counts_as_three_numbers() -> None:
