@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import zmq
 
 from comms.channels import MS
@@ -22,6 +21,8 @@ from comms.records import Event
 from comms.runner import START_TIMEOUT_NS
 from comms.task import Step
 from rig.errors import FAULT, REFUSED, STOPPED, Refused
+from rig.run import operator_file
+from rig.run.operator_file import OperatorFile
 from rig.run.recorder import Recorder
 from rig.run.runtime.children import Children
 from rig.run.runtime.cpu_meter import CpuMeter
@@ -35,7 +36,6 @@ PRIORITY = 5  # SCHED_FIFO of the operator, below all tasks, where it is allowed
 MAX_WAIT_MS = 40  # longest wait for a message; then signals and the clock are checked
 CHECK_PERIOD_NS = 100 * MS  # of processes, disk and progress
 SHUTDOWN_TIMEOUT_NS = 3_000 * MS  # from the close order, plus the delay of the links
-ADDRESS_FILE = "operator.json"  # in the folder of the run; `rig stop` reads it
 
 
 class ProcessRunner:
@@ -97,7 +97,7 @@ class ProcessRunner:
         delays_ms = [fault.delay_ms + fault.jitter_ms for fault in faults.values()]
         try:
             wiring = self._wiring(host, base_port, seed, faults, pictures_hz, silent_ns)
-            self._write_address()
+            OperatorFile(self._bus.commands, os.getpid()).write(self._folder)
             self._children.start(self._settings, wiring)
             self._await_tasks()
             self._loop()
@@ -108,7 +108,7 @@ class ProcessRunner:
             raise
         finally:
             self._children.kill_running()
-            (self._folder / ADDRESS_FILE).unlink(missing_ok=True)
+            (self._folder / operator_file.NAME).unlink(missing_ok=True)
             self._bus.close()
             context.term()
         return self._inbox.counts.settle(self._recorder.counts.get("truth", 0))
@@ -135,13 +135,6 @@ class ProcessRunner:
             pictures_hz=pictures_hz,
             operator_silent_ns=silent_ns,
         )
-
-    def _write_address(self) -> None:
-        """Write the address that `rig stop` uses; a rename makes the file appear complete."""
-        content = {"address": self._bus.commands, "pid": os.getpid()}
-        draft = self._folder / f"{ADDRESS_FILE}.new"
-        draft.write_bytes(msgspec.json.encode(content))
-        draft.rename(self._folder / ADDRESS_FILE)
 
     def _await_tasks(self) -> None:
         """Wait until the sockets of every task are open; the first heartbeat then starts them."""

@@ -2,29 +2,17 @@
 
 from __future__ import annotations
 
-import json
-import os
+import sys
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import typer
 
 from rig.errors import FAULT, RigError
+from rig.run import operator_file
+from rig.run.operator_file import OperatorFile
 
 ANSWER_MS = 3000
-
-
-class RunningOperator(NamedTuple):
-    """An operator as its `operator.json` names it."""
-
-    path: Path
-    address: str
-    pid: int
-
-    @property
-    def name(self) -> str:
-        """Name of the run's folder."""
-        return self.path.parent.name
 
 
 def stop(
@@ -35,46 +23,48 @@ def stop(
     ] = False,
 ) -> int:
     """Stop every experiment that runs under RUNS: the robot first, then the log is closed."""
-    operators = [_read(path) for path in sorted(runs.glob("*/operator.json"))]
-    alive = [operator for operator in operators if _is_alive(operator.pid)]
-    for operator in operators:
-        if operator not in alive:
-            _remove_stale(operator)
-    if not alive:
+    running = _running(runs)
+    if not running:
         raise RigError(f"nothing is running under {runs}; name another folder with --runs")
     code = 0
-    for operator in alive:
-        if not _stop(operator, emergency):
+    for path, operator in running.items():
+        if not _stop(path.parent.name, operator, emergency):
             code = FAULT
     return code
 
 
-def _stop(operator: RunningOperator, emergency: bool) -> bool:
+def _running(runs: Path) -> dict[Path, OperatorFile]:
+    """Read the files of the runs, each on its own; those of runs that have ended are removed."""
+    running: dict[Path, OperatorFile] = {}
+    for path in operator_file.find(runs):
+        try:
+            operator = operator_file.read(path)
+        except FileNotFoundError:  # the run ended meanwhile
+            continue
+        except (OSError, ValueError) as error:
+            print(
+                f"rig: {path} cannot be read, its run is not stopped ({error}): "
+                "remove it if nothing runs there, otherwise press the emergency stop of the robot",
+                file=sys.stderr,
+            )
+            continue
+        if operator_file.is_alive(operator.pid):
+            running[path] = operator
+        else:
+            _remove_stale(path, operator.pid)
+    return running
+
+
+def _stop(name: str, operator: OperatorFile, emergency: bool) -> bool:
     from comms.operator_request import ask  # sockets are needed only where something runs
 
     answer = ask(operator.address, "estop" if emergency else "stop", ANSWER_MS)
-    print(f"{operator.name}: {answer or 'no answer: press the emergency stop of the robot'}")
+    print(f"{name}: {answer or 'no answer: press the emergency stop of the robot'}")
     return answer is not None
 
 
-def _remove_stale(operator: RunningOperator) -> None:
+def _remove_stale(path: Path, pid: int) -> None:
     print(
-        f"{operator.name}: its operator (process {operator.pid}) has exited; "
-        "its tasks stop by themselves within two seconds"
+        f"{path.parent.name}: its operator (process {pid}) has exited; its tasks stop by themselves"
     )
-    operator.path.unlink(missing_ok=True)
-
-
-def _read(path: Path) -> RunningOperator:
-    fields = json.loads(path.read_bytes())
-    return RunningOperator(path, str(fields["address"]), int(fields["pid"]))
-
-
-def _is_alive(pid: int) -> bool:
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:  # a process of another user
-        return True
-    return True
+    path.unlink(missing_ok=True)
