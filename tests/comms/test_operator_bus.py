@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import select
-import threading
 from collections.abc import Iterator
 
 import pytest
@@ -21,7 +20,7 @@ from comms.operator_bus import (
     TaskBus,
     Telemetry,
 )
-from comms.operator_request import ask
+from comms.operator_request import OperatorRequests
 from comms.records import Event, LinkRow, Receipts, TaskTiming
 from comms.udp import free_port, port_is_free
 
@@ -186,21 +185,29 @@ def test_invalid_telemetry_is_ignored(
         stranger.close()
 
 
-def test_a_second_terminal_gets_its_answer(operator: OperatorBus) -> None:
-    answers: list[str | None] = []
-    terminal = threading.Thread(
-        target=lambda: answers.append(ask(operator.commands, "stop", LOOKS * LOOK_MS))
-    )
-    terminal.start()
-    ((client, request),) = received(operator, 1)
-    assert request == "stop"
-    operator.answer(client, "stopping")
-    terminal.join(LOOKS * LOOK_MS / 1000)
-    assert answers == ["stopping"]
+def test_a_second_terminal_gets_its_answers_in_order(operator: OperatorBus) -> None:
+    terminal = OperatorRequests(operator.commands)
+    for request in ("stop", "status"):
+        terminal.send(request)
+    requests = received(operator, 2)
+    assert [request for _, request in requests] == ["stop", "status"]
+    for client, request in requests:
+        operator.answer(client, f"{request} answered")
+    answers = [terminal.receive(LOOKS * LOOK_MS) for _ in requests]
+    assert answers == ["stop answered", "status answered"]
+    terminal.close()
 
 
 def test_a_request_without_an_operator_gives_none_after_the_timeout() -> None:
-    assert ask("tcp://127.0.0.1:9", "stop", timeout_ms=20) is None
+    terminal = OperatorRequests("tcp://127.0.0.1:9")
+    terminal.send("stop")
+    assert terminal.receive(timeout_ms=20) is None
+    terminal.close()
+
+
+def test_an_address_that_is_none_is_named() -> None:
+    with pytest.raises(ValueError, match="address = 'nowhere'"):
+        OperatorRequests("nowhere")
 
 
 def test_a_fixed_port_takes_the_two_above_it_too(context: Context) -> None:

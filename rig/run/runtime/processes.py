@@ -29,6 +29,7 @@ from rig.run.runtime.cpu_meter import CpuMeter
 from rig.run.runtime.inbox import Inbox
 from rig.run.runtime.interrupts import Interrupts
 from rig.run.runtime.ports import channel_ports
+from rig.run.runtime.terminal_requests import TerminalRequests
 from rig.run.tasks.operator import Operator, Stage
 
 HEARTBEAT_PERIOD_NS = 50 * MS
@@ -63,6 +64,7 @@ class ProcessRunner:
         self._children = Children(folder)
         self._inbox = Inbox(set(settings), self._session, operator, recorder, self._carry_out)
         self._roster = self._inbox.roster
+        self._requests = TerminalRequests(operator, self._inbox.robot, self._carry_out)
         self._cpu = CpuMeter(self._children)
         self._handled_interrupts = 0
         self._logged_events = 0  # events of the operator that are in the log
@@ -201,19 +203,9 @@ class ProcessRunner:
             now_ns = self._clock.now_ns()
             self._handle_signals(now_ns)
             if isinstance(content, str):
-                self._answer_terminal(sender, content, now_ns)
+                self._bus.answer(sender, self._requests.answer(content, now_ns))
             else:
                 self._inbox.handle(sender.decode("ascii", "replace"), content, now_ns)
-
-    def _answer_terminal(self, client: bytes, request: str, now_ns: int) -> None:
-        """Serve `stop` and `estop` of a second terminal; name the two for any other request."""
-        if request not in ("stop", "estop"):
-            self._bus.answer(client, "understood are: stop, estop")
-            return
-        stage = self._operator.stage.value
-        code = STOPPED if request == "stop" else FAULT
-        self._carry_out(self._operator.end(f"{request} from another terminal", code, now_ns))
-        self._bus.answer(client, f"stopping, was {stage}")
 
     def _carry_out(self, step: Step) -> None:
         """Send and log what the operator returned: orders first, then the log."""

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from rig.errors import FAULT, RigError
+from rig.errors import FAULT, OK, RigError
 from rig.run import operator_file
 from rig.run.operator_file import OperatorFile
-
-ANSWER_MS = 3000
 
 
 def stop(
@@ -26,11 +25,7 @@ def stop(
     running = _running(runs)
     if not running:
         raise RigError(f"nothing is running under {runs}; name another folder with --runs")
-    code = 0
-    for path, operator in running.items():
-        if not _stop(path.parent.name, operator, emergency):
-            code = FAULT
-    return code
+    return _stop(running, "estop" if emergency else "stop")
 
 
 def _running(runs: Path) -> dict[Path, OperatorFile]:
@@ -55,12 +50,30 @@ def _running(runs: Path) -> dict[Path, OperatorFile]:
     return running
 
 
-def _stop(name: str, operator: OperatorFile, emergency: bool) -> bool:
-    from comms.operator_request import ask  # sockets are needed only where something runs
+def _stop(running: Mapping[Path, OperatorFile], request: str) -> int:
+    """Send the order to all runs, then follow each; return the exit code."""
+    # sockets are needed only where something runs
+    from rig.ui.cli.stop_order import StopOrder, StopState
 
-    answer = ask(operator.address, "estop" if emergency else "stop", ANSWER_MS)
-    print(f"{name}: {answer or 'no answer: press the emergency stop of the robot'}")
-    return answer is not None
+    code = OK
+    orders: dict[str, StopOrder] = {}
+    for path, operator in running.items():
+        try:
+            orders[path.parent.name] = StopOrder(path, operator, request)
+        except ValueError as error:
+            print(f"{path.parent.name}: {error}: press the emergency stop of the robot")
+            code = FAULT
+    while orders:
+        for name, order in list(orders.items()):
+            order.follow()
+            for line in order.news:
+                print(f"{name}: {line}", flush=True)
+            order.news.clear()
+            if order.state is not StopState.PENDING:
+                del orders[name]
+            if order.state is StopState.FAILED:
+                code = FAULT
+    return code
 
 
 def _remove_stale(path: Path, pid: int) -> None:

@@ -1,6 +1,7 @@
 """The same tasks as processes over real sockets. No duration is asserted."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -143,7 +144,10 @@ def test_rig_stop_from_a_second_terminal_stops_the_run(tmp_path):
     wait_for_the_start(run, tmp_path)
     stop = [sys.executable, "-P", "-m", "rig.ui.cli.entry", "stop", "--runs", str(tmp_path)]
     stopped = subprocess.run(stop, capture_output=True, text=True, timeout=30, check=False)
-    assert (stopped.returncode, "stopping" in stopped.stdout) == (0, True)
+    assert (stopped.returncode, stopped.stderr) == (0, "")
+    ordered, at_rest = stopped.stdout.splitlines()
+    assert ordered.endswith(": ordered, was running")
+    assert re.search(r": stopped after \d+ ms$", at_rest)
     code, said = ended(run)
     assert (code, said["exit_status"]) == (4, "stopped")
     assert said["reasons"][0] == "stop from another terminal"

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 import threading
@@ -10,7 +11,8 @@ from pathlib import Path
 import pytest
 import zmq
 
-WAIT_MS = 10_000
+from rig.ui.cli import stop_order
+
 BAD_FILES = {
     "cut": b'{"address": "tcp://',
     "empty": b"",
@@ -25,10 +27,14 @@ BAD_FILES = {
 
 
 class FakeOperator:
-    """Operator that answers from a table; `orders` are the requests it received."""
+    """Operator that answers from a table, the last answer for good.
+
+    orders: the requests that it received.
+    """
 
     def __init__(self, folder, answers):
         self.orders, self._answers = [], answers
+        self.on_status = dict
         self._context = zmq.Context()
         self._socket = self._context.socket(zmq.REP)
         port = self._socket.bind_to_random_port("tcp://127.0.0.1")
@@ -42,7 +48,10 @@ class FakeOperator:
             if self._socket.poll(20):
                 request = self._socket.recv().decode()
                 self.orders.append(request)
-                self._socket.send(self._answers[request].encode())
+                if request == "status":
+                    self.on_status(missing_ok=True)
+                answers = self._answers[request]
+                self._socket.send((answers.pop(0) if len(answers) > 1 else answers[0]).encode())
 
     def close(self):
         self._is_open = False
@@ -75,6 +84,17 @@ def operator():
         one.close()
 
 
+def status(phase="running", speed_m_s=0.3, at_rest=False):
+    """Status as the operator answers it."""
+    fields = {"stage": "stopping", "phase": phase, "speed_m_s": speed_m_s, "at_rest": at_rest}
+    return json.dumps(fields)
+
+
+MOVING, SLOWER = status(), status("stopped", 0.1)
+STANDING = status("stopped", 0.0, at_rest=True)
+ORDERED = ["ordered, was running"]
+
+
 def write_bad(contents):
     bad = Path("runs/a_bad_one/operator.json")
     bad.parent.mkdir(parents=True)
@@ -86,10 +106,10 @@ def test_an_unreadable_file_is_named_and_keeps_no_other_run_from_being_stopped(
     rig, operator, contents
 ):
     write_bad(contents)
-    running = operator("b", stop="stopping, was running")
+    running = operator("b", stop=ORDERED, status=[STANDING])
     code, said, why = rig("stop")
-    assert (code, running.orders) == (0, ["stop"])
-    assert "b: stopping, was running" in said
+    assert (code, running.orders[0]) == (0, "stop")
+    assert "b: ordered, was running" in said
     assert "runs/a_bad_one/operator.json cannot be read" in why
     assert "emergency stop" in why
 
@@ -108,3 +128,70 @@ def test_the_file_of_an_operator_that_has_exited_is_removed(rig):
     assert (code, Path("runs/old/operator.json").exists()) == (2, False)
     assert "old: its operator" in said
     assert "nothing is running" in why
+
+
+def lines_of(said):
+    return [re.sub(r"after \d+ ms", "after n ms", line) for line in said.splitlines()]
+
+
+def test_a_stop_is_ordered_first_and_stopped_when_the_robot_stands(rig, operator):
+    running = operator("a", stop=ORDERED, status=[MOVING, SLOWER, STANDING])
+    code, said, why = rig("stop")
+    assert (code, why) == (0, "")
+    assert lines_of(said) == ["a: ordered, was running", "a: stopped after n ms"]
+    assert running.orders[:4] == ["stop", "status", "status", "status"]
+
+
+def test_an_emergency_stop_orders_an_emergency_stop(rig, operator):
+    running = operator("a", estop=ORDERED, status=[STANDING])
+    assert rig("stop", "--emergency")[0] == 0
+    assert running.orders[0] == "estop"
+
+
+def test_a_robot_that_does_not_come_to_rest_in_time_ends_in_exit_5_with_phase_and_speed(
+    rig, operator, monkeypatch
+):
+    monkeypatch.setattr(stop_order, "TIMEOUT_S", 0.2)
+    operator("a", stop=ORDERED, status=[MOVING])
+    code, said, _ = rig("stop")
+    assert code == 5
+    assert lines_of(said)[1] == (
+        "a: not at rest within 200 ms (phase running, speed 0.3 m/s): press the emergency stop"
+    )
+
+
+def test_every_run_is_ordered_to_stop_before_any_is_waited_for(rig, operator, monkeypatch):
+    monkeypatch.setattr(stop_order, "TIMEOUT_S", 0.2)
+    operator("a", stop=ORDERED, status=[MOVING])
+    operator("b", stop=ORDERED, status=[STANDING])
+    code, said, _ = rig("stop")
+    assert code == 5
+    assert "b: stopped after" in said
+    assert lines_of(said)[-1].startswith("a: not at rest")
+
+
+def test_an_operator_that_does_not_answer_ends_in_exit_5(rig, monkeypatch):
+    monkeypatch.setattr(stop_order, "TIMEOUT_S", 0.1)
+    write_file(Path("runs/a"), "tcp://127.0.0.1:9", os.getpid())
+    code, said, _ = rig("stop")
+    assert code == 5
+    assert "a: no answer of the operator within 100 ms: press the emergency stop" in said
+
+
+def test_an_address_that_is_none_is_named_and_keeps_no_other_run_from_being_stopped(rig, operator):
+    write_file(Path("runs/a"), "nowhere", os.getpid())
+    operator("b", stop=ORDERED, status=[STANDING])
+    code, said, _ = rig("stop")
+    assert code == 5
+    assert "a: address = 'nowhere'" in said
+    assert "b: stopped after" in said
+
+
+@pytest.mark.parametrize(("stage", "code"), [("connecting", 0), ("running", 5)])
+def test_a_run_that_ends_unseen_is_stopped_only_if_nothing_had_moved(rig, operator, stage, code):
+    run = operator("a", stop=[f"ordered, was {stage}"], status=[MOVING])
+    run.on_status = (Path("runs/a/operator.json")).unlink
+    ended, said, _ = rig("stop")
+    assert ended == code
+    assert "a: ordered" in said
+    assert "the run ended after" in said
