@@ -36,6 +36,8 @@ class Wiring(msgspec.Struct, frozen=True, kw_only=True):
     priority: int = 0  # requested SCHED_FIFO priority, 1..99; 0 = normal scheduling
     operator_silent_ns: int = OPERATOR_SILENT_NS  # then the task stops, and exits after orphan_ns
     orphan_ns: int = ORPHAN_NS
+    stop_ports: dict[str, int] = {}  # by task
+    stop_key: str = ""  # hexadecimal
 
 
 class ChannelSender:

@@ -24,9 +24,11 @@ from comms.messages import Command, Reply, Verb
 from comms.operator_bus import Context, TaskBus
 from comms.operator_watch import OperatorWatch
 from comms.priority import take_priority
-from comms.records import Event, LinkRow, Receipts, TaskTiming
+from comms.records import LinkRow
+from comms.stop_port import REQUESTS, StopPort
 from comms.task import Send, Step, Task
 from comms.task_output import TaskOutput
+from comms.task_records import TaskRecords
 
 RECORD_PERIOD_NS = 250 * MS
 # telemetry is sent in batches: one by one it would wake the operator a thousand times a second
@@ -74,17 +76,23 @@ class WallRunner:
             self._context, task.name, wiring.commands, wiring.telemetry, wiring.pictures
         )
         self._output = TaskOutput(task.name, wiring, self._context, self._bus, clock)
+        self._records = TaskRecords(task, self._bus, self._receivers.values(), clock)
         self._intake = Intake(self._receivers, clock)
         self._intake.add(self._bus)
         self._watch = OperatorWatch(wiring.operator_silent_ns, pipe)
         if self._watch.has_pipe:
             self._intake.add(self._watch)
+        self._stop_port: StopPort | None = None
+        if task.name in wiring.stop_ports:
+            key = bytes.fromhex(wiring.stop_key)
+            self._stop_port = StopPort(wiring.stop_ports[task.name], key)
+            self._intake.add(self._stop_port)
+        self._taken: set[str] = set()  # requests of the stop port
         self._early_commands: list[Command] = []  # received before the start of the task
         self._wake_ns: int | None = None
         self._exit: int | None = None
-        self._lateness_ns: list[int] = []
         self._record_ns = self._telemetry_ns = 0
-        self._leave_ns: int | None = None  # exit of a task that has lost its operator
+        self._leave_ns: int | None = None  # after the loss of the operator
 
     def run(self) -> int:
         """Run the task until it exits; return its exit code."""
@@ -132,7 +140,7 @@ class WallRunner:
     def _give_up(self) -> int:
         """Close the sockets of a task that was never started; return its exit code."""
         reason = f"no heartbeat of the operator within {START_TIMEOUT_NS / MS:.0f} ms"
-        self._report_exit(self._watch.loss(0) or reason)
+        self._records.exit_reason(self._watch.loss(0) or reason)
         self._output.close()
         self._close_sockets()
         self._context.destroy(0)
@@ -163,12 +171,12 @@ class WallRunner:
             self._bus.flush_telemetry()
         if now >= self._record_ns:
             self._record_ns = now + RECORD_PERIOD_NS
-            self._send_records(now)
+            self._records.send()
 
     def _tick_if_due(self) -> None:
         now = self._clock.now_ns()
         if self._exit is None and self._wake_ns is not None and self._wake_ns <= now:
-            self._lateness_ns.append(now - self._wake_ns)
+            self._records.add_lateness(now - self._wake_ns)
             self._wake_ns = None
             self._execute(self._task.on_tick(now))
         self._output.send_due()
@@ -177,6 +185,9 @@ class WallRunner:
         if isinstance(source, ChannelReceiver):
             for message in source.read(self._clock):
                 self._execute(self._task.on_message(source.name, message, self._clock.now_ns()))
+        elif isinstance(source, StopPort):
+            for request in source.drain():
+                self._take_stop(request)
         elif source is self._watch:
             self._watch.read_pipe()
             if self._watch.is_gone:
@@ -193,18 +204,24 @@ class WallRunner:
     def _check_operator(self) -> None:
         """Stop the task when its operator is lost; exit once the robot had the time to stop."""
         now = self._clock.now_ns()
-        if self._leave_ns is not None:
-            if now >= self._leave_ns:
-                self._stop_task(ORPHANED)
-            return
-        if self._exit is not None or self._watch.loss(now) is None:
+        if self._leave_ns is not None and now >= self._leave_ns:
+            self._stop_task(ORPHANED)
+        is_leaving = self._leave_ns is not None or self._exit is not None
+        if is_leaving or self._watch.loss(now) is None:
             return
         self._read_commands()  # what arrived while this process itself was not run
         reason = self._watch.loss(now)
         if reason is not None and self._exit is None:
             self._leave_ns = now + self._wiring.orphan_ns
-            self._report_exit(reason)
+            self._records.exit_reason(reason)
             self._order_stop(Verb.STOP, reason, ORPHANED)
+
+    def _take_stop(self, request: str) -> None:
+        """Carry out an order of the stop port; a repeated one has no effect."""
+        if request not in self._taken:
+            self._taken.add(request)
+            reason = f"{request} at the stop port, past the operator"
+            self._order_stop(Verb(request), reason, REQUESTS[request])
 
     def _order_stop(self, verb: Verb, reason: str, code: int) -> None:
         """Give the task a stop order that the operator did not send; it is told with the reason."""
@@ -218,15 +235,6 @@ class WallRunner:
                 message = msgspec.structs.replace(message, ok=False, text=reason, exit=code)
             sends.append(send._replace(message=message))
         self._execute(step._replace(sends=sends))
-
-    def _report_exit(self, reason: str) -> None:
-        """Say on standard error and on the bus why this task exits by itself."""
-        sys.stderr.write(f"{self._task.name}: {reason}\n")
-        self._record_event("error", reason)
-
-    def _record_event(self, level: str, text: str) -> None:
-        t_ns = self._clock.now_ns()
-        self._bus.record(Event(t_ns=t_ns, level=level, source=self._task.name, text=text))
 
     def _handle_command(self, command: Command) -> None:
         if command.verb is Verb.CLOSE:
@@ -244,21 +252,6 @@ class WallRunner:
         if step.exit is not None:
             self._exit = step.exit
         self._output.take(step.sends)
-
-    def _send_records(self, now: int) -> None:
-        if self._lateness_ns:
-            timing = TaskTiming(
-                task=self._task.name,
-                t_ns=now,
-                late_ticks=self._task.late_ticks,
-                lateness_ns=self._lateness_ns,
-            )
-            self._bus.record(timing)
-            self._lateness_ns = []
-        for receiver in self._receivers.values():
-            if receiver.receipts:
-                self._bus.record(Receipts(channel=receiver.name, rows=receiver.receipts))
-                receiver.receipts = []
 
     def _close(self) -> None:
         """Send the queued packets and the closing counts, drain the receivers, send the ledger."""
@@ -278,9 +271,8 @@ class WallRunner:
                 receiver.read(self._clock)  # counted; the task is stopped
 
     def _send_ledger(self) -> None:
-        now = self._clock.now_ns()
         self._bus.flush_telemetry()
-        self._send_records(now)
+        self._records.send()
         counts = self._output.counts
         counts |= {name: receiver.count for name, receiver in self._receivers.items()}
         counts |= self._output.operator_counts
@@ -289,7 +281,10 @@ class WallRunner:
         dropped = (self._bus.dropped_telemetry, self._bus.dropped_pictures)
         if any(dropped):
             text = "{} messages and {} pictures were not logged".format(*dropped)
-            self._record_event("warning", text)
+            self._records.event("warning", text)
+        if self._stop_port is not None and self._stop_port.ignored:
+            text = f"{self._stop_port.ignored} foreign datagrams at the stop port were ignored"
+            self._records.event("info", text)
         self._bus.end_streams()
         self._close_sockets()
         if self._watch.is_gone:
@@ -300,4 +295,6 @@ class WallRunner:
     def _close_sockets(self) -> None:
         for receiver in self._receivers.values():
             receiver.socket.close()
+        if self._stop_port is not None:
+            self._stop_port.close()
         self._bus.close()

@@ -4,23 +4,49 @@ from __future__ import annotations
 
 import json
 import os
+import stat
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from rig.errors import Refused
+
 NAME = "operator.json"
+MODE = 0o600  # the key stops the robot
 
 
 class OperatorFile(NamedTuple):
-    """Contents of the file: address of the bus, and process of the operator."""
+    """Contents of the file: bus and process of the operator; key and ports for stop datagrams."""
 
     address: str
     pid: int
+    stop_key: str = ""  # hexadecimal; empty where there is none
+    stop_ports: Mapping[str, int] = {}  # by task
 
     def write(self, folder: Path) -> None:
-        """Write the file into the folder of a run; a rename makes it appear complete."""
+        """Write the file into the folder of a run; a rename makes it appear complete.
+
+        Raises Refused where others could read the key.
+        """
         draft = folder / f"{NAME}.new"
-        draft.write_text(json.dumps(self._asdict()))
+        with open(os.open(draft, os.O_CREAT | os.O_EXCL | os.O_WRONLY, MODE), "w") as file:
+            file.write(json.dumps(self._asdict()))
+            mode = stat.S_IMODE(os.fstat(file.fileno()).st_mode)
+        if mode != MODE:
+            draft.unlink()
+            raise Refused(
+                f"{draft.parent}: a file for this user alone has mode {mode:o} there; "
+                f"must be {MODE:o}: name a folder of another file system with --runs"
+            )
         draft.rename(folder / NAME)
+
+    @property
+    def key(self) -> bytes:
+        """Key of the stop datagrams; empty where there is none that can be used."""
+        try:
+            return bytes.fromhex(self.stop_key)
+        except ValueError:
+            return b""
 
 
 def read(path: Path) -> OperatorFile:
@@ -34,6 +60,8 @@ def read(path: Path) -> OperatorFile:
     return OperatorFile(
         address=_field(fields, "address", str),
         pid=_pid(fields),
+        stop_key=str(fields.get("stop_key", "")),
+        stop_ports=_ports(fields.get("stop_ports")),
     )
 
 
@@ -58,6 +86,17 @@ def _field(fields: dict[str, Any], name: str, kind: type) -> Any:
     if type(value) is not kind:
         raise ValueError(f"{name} = {value!r}; must be {kind.__name__}")
     return value
+
+
+def _ports(value: Any) -> dict[str, int]:
+    """Read the stop ports; unusable ones are left out, so that the operator is asked anyway."""
+    if not isinstance(value, dict):
+        return {}
+    return {task: port for task, port in value.items() if _is_port(port)}
+
+
+def _is_port(value: Any) -> bool:
+    return type(value) is int and 0 < value < 65_536
 
 
 def _pid(fields: dict[str, Any]) -> int:

@@ -21,8 +21,9 @@ from comms.ends import ChannelReceiver
 from comms.link import LinkCount, LinkFaults, LinkModel, merge_counts
 from comms.messages import Command, Message, Phase, Reference, Reply, RobotState, Truth, Verb
 from comms.operator_bus import Context, Hello, OperatorBus, Record, StreamEnd, Telemetry
-from comms.records import LinkRow, Receipts, TaskTiming
+from comms.records import Event, LinkRow, Receipts, TaskTiming
 from comms.runner import ORPHANED, WallRunner, Wiring
+from comms.stop_port import send_stop
 from comms.task import NO_STEP, Send, Step
 from comms.udp import UdpReceiver, UdpSender, free_port
 from tests.comms.wire_reference import SESSION, Gate
@@ -142,7 +143,7 @@ class Operator:
         self.exit_codes: list[int] = []
         self._thread: threading.Thread | None = None
 
-    def launch(self, pipe: int | None = None, **changes: int) -> None:
+    def launch(self, pipe: int | None = None, **changes: object) -> None:
         """Start the runner in a thread; pipe, changes: of the runner and its wiring."""
         wiring = Wiring(
             session=SESSION,
@@ -378,7 +379,7 @@ def test_the_truth_goes_to_the_operator_and_into_the_ledger(bench_operator: Oper
     assert operator.rows()["truth"] == LinkCount(sent=1)
 
 
-def started_controller(operator: Operator, pipe: int | None = None, **changes: int) -> None:
+def started_controller(operator: Operator, pipe: int | None = None, **changes: object) -> None:
     """Launch the task and wait until it is started."""
     operator.launch(pipe, **changes)
     operator.hears(Hello)
@@ -509,3 +510,29 @@ def test_a_tick_that_is_due_is_served_before_every_read(
     reads_between_ticks = "".join(name[0] for name in served[first:]).split("t")
     assert {"reference", "joint_state"} <= set(served)
     assert max(len(reads) for reads in reads_between_ticks) == 1
+
+
+@pytest.mark.parametrize(
+    ("request_name", "verb", "code"), [("stop", Verb.STOP, 4), ("estop", Verb.ESTOP, 5)]
+)
+def test_a_stop_datagram_stops_the_task_once_and_reports_it_and_junk_does_nothing(
+    operator: Operator, alone: None, request_name: str, verb: Verb, code: int
+) -> None:
+    key, port = bytes(range(16)), free_port(HOST)
+    started_controller(operator, stop_ports={"controller": port}, stop_key=key.hex())
+    send_stop(port, key[:-1] + b"x", request_name)
+    send_stop(port, key, "start")
+    for _ in range(3):
+        send_stop(port, key, request_name)
+    operator.hears(Reply, 2)
+    if verb is Verb.STOP:  # an estop ends this task
+        operator.hears(TaskTiming, len(operator.all(TaskTiming)) + 2)
+        operator.order(Verb.CLOSE, 2)
+    operator.hears(StreamEnd, 2)
+    _, report = [r for r in operator.all(Reply) if isinstance(r, Reply)]
+    assert operator.task.verbs == [Verb.STATUS, verb]
+    assert (report.ok, report.exit, report.id) == (False, code, 0)
+    assert report.text == f"{request_name} at the stop port, past the operator"
+    texts = [e.text for e in operator.all(Event) if isinstance(e, Event)]
+    assert texts == ["2 foreign datagrams at the stop port were ignored"]
+    operator.exit_code()

@@ -19,6 +19,7 @@ from comms.operator_bus import OperatorBus
 from comms.priority import drop_priority, scheduling_of, take_priority
 from comms.records import Event
 from comms.runner import START_TIMEOUT_NS
+from comms.stop_port import KEY_BYTES
 from comms.task import Step
 from rig.errors import FAULT, REFUSED, STOPPED, Refused
 from rig.run import operator_file
@@ -28,7 +29,7 @@ from rig.run.runtime.children import Children
 from rig.run.runtime.cpu_meter import CpuMeter
 from rig.run.runtime.inbox import Inbox
 from rig.run.runtime.interrupts import Interrupts
-from rig.run.runtime.ports import channel_ports
+from rig.run.runtime.ports import choose_ports
 from rig.run.runtime.terminal_requests import TerminalRequests
 from rig.run.tasks.operator import Operator, Stage
 
@@ -99,7 +100,8 @@ class ProcessRunner:
         delays_ms = [fault.delay_ms + fault.jitter_ms for fault in faults.values()]
         try:
             wiring = self._wiring(host, base_port, seed, faults, pictures_hz, silent_ns)
-            OperatorFile(self._bus.commands, os.getpid()).write(self._folder)
+            contact = OperatorFile(wiring.commands, os.getpid(), wiring.stop_key, wiring.stop_ports)
+            contact.write(self._folder)
             self._children.start(self._settings, wiring)
             self._await_tasks()
             self._loop()
@@ -124,12 +126,15 @@ class ProcessRunner:
         pictures_hz: float,
         silent_ns: int,
     ) -> Wiring:
+        ports = choose_ports(host, base_port)
         return Wiring(
             session=self._session,
             seed=seed,
             zero_ns=self._clock.zero_ns,
             host=host,
-            ports=channel_ports(host, base_port),
+            ports=ports.channels,
+            stop_ports=ports.stops,
+            stop_key=secrets.token_hex(KEY_BYTES),
             commands=self._bus.commands,
             telemetry=self._bus.telemetry,
             pictures=self._bus.pictures,

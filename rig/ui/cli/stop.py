@@ -46,7 +46,7 @@ def _running(runs: Path) -> dict[Path, OperatorFile]:
         if operator_file.is_alive(operator.pid):
             running[path] = operator
         else:
-            _remove_stale(path, operator.pid)
+            _remove_stale(path, operator)
     return running
 
 
@@ -76,8 +76,13 @@ def _stop(running: Mapping[Path, OperatorFile], request: str) -> int:
     return code
 
 
-def _remove_stale(path: Path, pid: int) -> None:
+def _remove_stale(path: Path, operator: OperatorFile) -> None:
+    """Remove the file of an operator that has exited; its tasks get the order all the same."""
+    from rig.ui.cli.stop_order import send_past_operator
+
+    send_past_operator(operator, "stop")
     print(
-        f"{path.parent.name}: its operator (process {pid}) has exited; its tasks stop by themselves"
+        f"{path.parent.name}: its operator (process {operator.pid}) has exited; "
+        "its tasks stop by themselves"
     )
     path.unlink(missing_ok=True)

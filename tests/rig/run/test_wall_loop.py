@@ -153,6 +153,27 @@ def test_rig_stop_from_a_second_terminal_stops_the_run(tmp_path):
     assert said["reasons"][0] == "stop from another terminal"
 
 
+def test_rig_stop_stops_the_robot_past_an_operator_that_does_not_run(tmp_path):
+    run = start_a_run(tmp_path)
+    wait_for_the_start(run, tmp_path)
+    run.send_signal(signal.SIGSTOP)
+    stop = [sys.executable, "-P", "-m", "rig.ui.cli.entry", "stop", "--runs", str(tmp_path)]
+    stopped = subprocess.run(stop, capture_output=True, text=True, timeout=30, check=False)
+    run.send_signal(signal.SIGCONT)
+    assert stopped.returncode == 5
+    assert "ordered at controller and streamer" in stopped.stdout
+    code, said = ended(run)
+    assert (code, said["exit_status"]) == (4, "stopped")
+    replies = [
+        entry.data for entry in RunAnalysis(Path(said["run_dir"]) / LOG).run.log.topics["/reply"]
+    ]
+    reports = [msgspec.json.decode(data) for data in replies if b"past the operator" in data]
+    assert {(report["sender"], report["phase"]) for report in reports} == {
+        ("controller", "stopped"),
+        ("streamer", "stopped"),
+    }
+
+
 def test_a_killed_task_ends_the_run_as_a_fault_that_names_it_and_the_log_is_kept(
     tmp_path,
 ):

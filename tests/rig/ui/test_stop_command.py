@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import stat
 import subprocess
 import sys
 import threading
@@ -11,8 +12,13 @@ from pathlib import Path
 import pytest
 import zmq
 
+from comms.stop_port import StopPort
+from rig.errors import Refused
+from rig.run import operator_file
+from rig.run.operator_file import OperatorFile
 from rig.ui.cli import stop_order
 
+KEY = bytes(range(16))
 BAD_FILES = {
     "cut": b'{"address": "tcp://',
     "empty": b"",
@@ -175,7 +181,10 @@ def test_an_operator_that_does_not_answer_ends_in_exit_5(rig, monkeypatch):
     write_file(Path("runs/a"), "tcp://127.0.0.1:9", os.getpid())
     code, said, _ = rig("stop")
     assert code == 5
-    assert "a: no answer of the operator within 100 ms: press the emergency stop" in said
+    assert lines_of(said) == [
+        "a: no answer of the operator within 100 ms, so nothing shows that the robot stands: "
+        "press the emergency stop"
+    ]
 
 
 def test_an_address_that_is_none_is_named_and_keeps_no_other_run_from_being_stopped(rig, operator):
@@ -195,3 +204,83 @@ def test_a_run_that_ends_unseen_is_stopped_only_if_nothing_had_moved(rig, operat
     assert ended == code
     assert "a: ordered" in said
     assert "the run ended after" in said
+
+
+@pytest.fixture
+def stop_ports():
+    """Stop ports of a controller and a streamer."""
+    ports = {name: StopPort(0, KEY) for name in ("controller", "streamer")}
+    yield ports
+    for port in ports.values():
+        port.close()
+
+
+def numbers_of(ports):
+    return {name: port.port for name, port in ports.items()}
+
+
+@pytest.mark.parametrize("words", [("stop",), ("stop", "--emergency")])
+def test_past_an_operator_that_does_not_answer_the_tasks_themselves_are_ordered_to_stop(
+    rig, monkeypatch, stop_ports, words
+):
+    monkeypatch.setattr(stop_order, "ANSWER_S", 0.0)
+    monkeypatch.setattr(stop_order, "TIMEOUT_S", 0.1)
+    fields = {"stop_key": KEY.hex(), "stop_ports": numbers_of(stop_ports)}
+    write_file(Path("runs/a"), "tcp://127.0.0.1:9", os.getpid(), **fields)
+    code, said, _ = rig(*words)
+    request = "stop" if len(words) == 1 else "estop"
+    assert code == 5
+    assert "a: the operator does not answer; ordered at controller and streamer" in said
+    assert "nothing shows that the robot stands" in said
+    for port in stop_ports.values():
+        assert set(port.drain()) == {request}
+        assert port.ignored == 0
+
+
+def test_an_operator_that_answers_is_not_passed_over(rig, operator, stop_ports):
+    run = operator("a", stop=ORDERED, status=[STANDING])
+    path = Path("runs/a/operator.json")
+    fields = {"stop_key": KEY.hex(), "stop_ports": numbers_of(stop_ports)}
+    path.write_text(json.dumps(json.loads(path.read_text()) | fields))
+    assert rig("stop")[0] == 0
+    assert run.orders[0] == "stop"
+    assert [port.drain() for port in stop_ports.values()] == [[], []]
+
+
+def test_the_tasks_of_an_operator_that_has_exited_are_ordered_to_stop_too(rig, stop_ports):
+    fields = {"stop_key": KEY.hex(), "stop_ports": numbers_of(stop_ports)}
+    write_file(Path("runs/a"), "tcp://127.0.0.1:9", pid_of_the_past(), **fields)
+    assert rig("stop")[0] == 2
+    assert [port.drain() for port in stop_ports.values()] == [["stop"], ["stop"]]
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"stop_key": "no hexadecimal", "stop_ports": {"controller": 4000}},
+        {"stop_key": KEY.hex(), "stop_ports": {"controller": 70_000, "streamer": "x"}},
+        {"stop_key": KEY.hex(), "stop_ports": [4000]},
+    ],
+)
+def test_key_or_ports_that_cannot_be_used_keep_no_operator_from_being_asked(rig, operator, fields):
+    operator("a", stop=ORDERED, status=[STANDING])
+    path = Path("runs/a/operator.json")
+    path.write_text(json.dumps(json.loads(path.read_text()) | fields))
+    code, said, _ = rig("stop")
+    assert (code, "a: stopped after" in said) == (0, True)
+
+
+def test_the_file_with_the_key_is_for_its_user_alone_and_reads_back(tmp_path):
+    written = OperatorFile("tcp://127.0.0.1:9", 7, KEY.hex(), {"controller": 4000})
+    written.write(tmp_path)
+    path = tmp_path / operator_file.NAME
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+    assert operator_file.read(path) == written
+    assert [file.name for file in tmp_path.iterdir()] == [operator_file.NAME]
+
+
+def test_a_file_system_that_lets_others_read_the_key_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(operator_file.stat, "S_IMODE", lambda mode: 0o644)
+    with pytest.raises(Refused, match=r"has mode 644 there; must be 600.*--runs"):
+        OperatorFile("tcp://127.0.0.1:9", 7, KEY.hex(), {}).write(tmp_path)
+    assert list(tmp_path.iterdir()) == []
