@@ -17,7 +17,7 @@ from comms.udp import UdpReceiver, UdpSender
 
 CLOSING_COPIES = 3  # of the closing datagram, which may be lost
 OPERATOR_SILENT_NS = 2_000 * MS  # longest silence of the operator, for tasks that move nothing
-ORPHAN_NS = 1_000 * MS  # from the loss of the operator to the exit: the robot comes to rest
+ORPHAN_NS = 800 * MS  # from the loss of the operator to the exit, beside the time of the stop
 
 
 class Wiring(msgspec.Struct, frozen=True, kw_only=True):

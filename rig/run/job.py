@@ -117,6 +117,7 @@ def prepare(
         "controller": ControllerSettings(
             reference_stale_ns=round(experiment.safety.reference_stale_ms * MS),
             robot_stale_ns=round(experiment.safety.robot_stale_ms * MS),
+            envelope=envelope,
         ),
         "vision": _vision_settings(experiment, calibration),
         "streamer": _streamer_settings(experiment, record, envelope),

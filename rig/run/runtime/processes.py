@@ -8,11 +8,12 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import zmq
 
 from comms.channels import MS
 from comms.clock import MonotonicClock
-from comms.ends import Wiring
+from comms.ends import ORPHAN_NS, Wiring
 from comms.link import LinkCount, LinkFaults
 from comms.messages import Command, Verb
 from comms.operator_bus import OperatorBus
@@ -89,17 +90,22 @@ class ProcessRunner:
         faults: dict[str, LinkFaults],
         pictures_hz: float,
         silent_ns: int,
+        stop_ns: int,
     ) -> dict[str, LinkCount]:
         """Run until every task has exited; return the settled ledger.
 
-        silent_ns: silence of the operator after which the tasks that move stop. Raises PortInUse
-        before anything starts.
+        silent_ns: silence of the operator after which the tasks that move stop. stop_ns: longest
+        time of a stop. Raises PortInUse before anything starts.
         """
         context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         self._bus = OperatorBus(context, host, base_port)
         delays_ms = [fault.delay_ms + fault.jitter_ms for fault in faults.values()]
         try:
-            wiring = self._wiring(host, base_port, seed, faults, pictures_hz, silent_ns)
+            wiring = msgspec.structs.replace(
+                self._wiring(host, base_port, seed, faults, pictures_hz),
+                operator_silent_ns=silent_ns,
+                orphan_ns=ORPHAN_NS + stop_ns,
+            )
             contact = OperatorFile(wiring.commands, os.getpid(), wiring.stop_key, wiring.stop_ports)
             contact.write(self._folder)
             self._children.start(self._settings, wiring)
@@ -124,7 +130,6 @@ class ProcessRunner:
         seed: int,
         faults: dict[str, LinkFaults],
         pictures_hz: float,
-        silent_ns: int,
     ) -> Wiring:
         ports = choose_ports(host, base_port)
         return Wiring(
@@ -140,7 +145,6 @@ class ProcessRunner:
             pictures=self._bus.pictures,
             faults=faults,
             pictures_hz=pictures_hz,
-            operator_silent_ns=silent_ns,
         )
 
     def _await_tasks(self) -> None:

@@ -10,7 +10,7 @@ import math
 import msgspec
 
 from comms.messages import Position
-from rig.run.tasks.controller.interpolator import WINDOW_NS
+from rig.run.tasks.grid import WINDOW_NS
 
 POSITION_ROUNDING_M = 1e-9  # rounding of the sums that make up a position
 

@@ -28,6 +28,7 @@ from rig.analysis.identify.swing import initial_swing_rad
 from rig.errors import FAULT, REFUSED
 from rig.run.tasks.controller.phase import ORDERS, Trigger, next_phase, refusal
 from rig.run.tasks.pause import BUSY_HINT, PauseMeter
+from rig.run.tasks.run_out import RunOut
 from rig.run.tasks.safety import Envelope, Gate
 
 PERIOD_NS = 10 * MS
@@ -55,6 +56,7 @@ class Streamer:
     def __init__(self, settings: StreamerSettings) -> None:
         self._settings = settings
         self._gate = Gate(settings.envelope)
+        self._run_out = RunOut(settings.envelope, PERIOD_NS * 1e-9, 1)
         self._phase = Phase.IDLE
         self._t_start_ns = 0
         self._seq = 0
@@ -85,7 +87,7 @@ class Streamer:
         return NO_STEP
 
     def on_tick(self, t_ns: int) -> Step:
-        """Send the reference of the newest tick that is due; after a stop repeat the last one."""
+        """Send the reference of the newest tick due; after a stop it runs out and is repeated."""
         if self._phase is not Phase.RUNNING and self._last_sent is None:
             return NO_STEP
         tick = (t_ns - self._t_start_ns) // PERIOD_NS
@@ -94,9 +96,10 @@ class Streamer:
         self.late_ticks += tick - self._tick - 1
         self._pause.tick(t_ns)
         reports = self._check(tick, t_ns) if self._phase is Phase.RUNNING else ()
+        steps = tick - self._tick
         self._tick = tick
         next_ns = self._t_start_ns + (tick + 1) * PERIOD_NS
-        return Step((*self._reference(tick, t_ns), *reports), next_ns)
+        return Step((*self._reference(tick, steps, t_ns), *reports), next_ns)
 
     def stop(self, t_ns: int) -> Step:
         """Stop sending references."""
@@ -104,7 +107,8 @@ class Streamer:
         self._last_sent = None
         return NO_STEP
 
-    def _reference(self, tick: int, t_ns: int) -> tuple[Send, ...]:
+    def _reference(self, tick: int, steps: int, t_ns: int) -> tuple[Send, ...]:
+        """Send the reference of a tick, so many steps after the one before."""
         t_target_ns = self._t_start_ns + tick * PERIOD_NS
         positions = self._settings.positions_m
         position = positions[min(tick, len(positions) - 1)]
@@ -112,8 +116,12 @@ class Streamer:
             refused = self._gate.refusal(t_target_ns, position)
             if refused is not None:
                 stopped = self._stop(f"safety gate: {refused}{self._pause.note}", FAULT, t_ns)
-                return (stopped, *self._reference(tick, t_ns))
+                return (stopped, *self._reference(tick, steps, t_ns))
             self._last_sent = position
+            self._run_out.follow(position, steps)
+        elif self._phase is Phase.STOPPED and self._last_sent is not None:
+            for _ in range(steps):
+                self._last_sent = self._run_out.next()
         if self._last_sent is None:
             return ()
         reference = Reference(

@@ -121,7 +121,7 @@ def test_a_signal_stops_the_robot_before_the_next_message_is_read(
         lambda _: None,
         tmp_path,
     )
-    runner.run("127.0.0.1", 0, 1, {}, 0.0, 0)
+    runner.run("127.0.0.1", 0, 1, {}, 0.0, 0, 0)
     assert operator.stage is Stage.CLOSED
     assert operator.reasons == ["stopped by the operator (Ctrl-C)"]
     assert FloodedBus.newest.read_before_the_stop == FloodedBus.signal_at

@@ -10,22 +10,33 @@ from comms.replies import Replies
 from comms.task import NO_STEP, Send, Step
 from rig.errors import FAULT
 from rig.run.tasks.controller.communication import Communication
-from rig.run.tasks.controller.interpolator import TICK_NS, Interpolator
+from rig.run.tasks.controller.interpolator import Interpolator
 from rig.run.tasks.controller.phase import ORDERS, Trigger, next_phase, refusal
+from rig.run.tasks.grid import TICK_NS, TICK_S, TICKS, slowed_by_pause
 from rig.run.tasks.pause import PauseMeter
+from rig.run.tasks.run_out import RunOut
+from rig.run.tasks.safety import Envelope
 
 TICKS_PER_STATE = 2  # setpoints at 200 Hz, state at 100 Hz
+# of [safety] and [limits] without a key
+DEFAULT_ENVELOPE = Envelope(
+    position_min_m=-0.25, position_max_m=0.25, speed_m_s=1.1, acceleration_m_s2=5.5
+)
 
 
 class ControllerSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Longest gaps that the controller tolerates: of references, and of joint states."""
+    """Longest gaps of references and of joint states; envelope inside which a stop decelerates."""
 
     reference_stale_ns: int
     robot_stale_ns: int = 100 * MS
+    envelope: Envelope = DEFAULT_ENVELOPE
 
 
 class ControllerTask:
-    """Sans-IO task `controller`; outside RUNNING the setpoint is held."""
+    """Sans-IO task `controller`.
+
+    Outside RUNNING the setpoint is held; a controlled stop lets it run out to rest before.
+    """
 
     name = "controller"
 
@@ -35,6 +46,7 @@ class ControllerTask:
         self._phase = Phase.IDLE
         self._io = Communication()
         self._interpolator: Interpolator | None = None
+        self._run_out = RunOut(settings.envelope, TICK_S, TICKS)
         self._t_start_ns = 0
         self._setpoint: Position | None = None
         self._seq = 0
@@ -61,8 +73,11 @@ class ControllerTask:
     def on_tick(self, t_ns: int) -> Step:
         """Send the setpoint of the newest grid instant due, and the state at every second one."""
         tick = t_ns // TICK_NS
-        self.late_ticks += tick - self._tick
+        skipped = tick - self._tick
+        self.late_ticks += skipped
         self._tick = tick + 1
+        if skipped > 0:
+            self._run_out.slow_down(slowed_by_pause(skipped))
         self._pause.tick(t_ns)
         faults = self._check_ages(t_ns)
         sends = (*self._next_setpoint(tick * TICK_NS, t_ns), *faults)
@@ -81,6 +96,10 @@ class ControllerTask:
         if self._phase is Phase.RUNNING and self._interpolator and grid_ns >= self._t_start_ns:
             newest = self._io.reference.position_m if self._io.reference else None
             self._setpoint = self._interpolator.setpoint(grid_ns, newest)
+        if self._phase is Phase.STOPPED:
+            self._setpoint = self._run_out.next() or self._setpoint
+        else:
+            self._run_out.follow(self._setpoint)
         message = Setpoint(seq=self._seq, t_ns=t_ns, position_m=self._setpoint)
         self._seq += 1
         return (Send("setpoint", message, t_ns),)
