@@ -16,6 +16,8 @@ from comms.operator_bus import Context
 from comms.udp import UdpReceiver, UdpSender
 
 CLOSING_COPIES = 3  # of the closing datagram, which may be lost
+OPERATOR_SILENT_NS = 2_000 * MS  # longest silence of the operator, for tasks that move nothing
+ORPHAN_NS = 800 * MS  # from the loss of the operator to the exit, beside the time of the stop
 
 
 class Wiring(msgspec.Struct, frozen=True, kw_only=True):
@@ -32,6 +34,10 @@ class Wiring(msgspec.Struct, frozen=True, kw_only=True):
     faults: dict[str, LinkFaults] = {}
     pictures_hz: float = 2.0
     priority: int = 0  # requested SCHED_FIFO priority, 1..99; 0 = normal scheduling
+    operator_silent_ns: int = OPERATOR_SILENT_NS  # then the task stops, and exits after orphan_ns
+    orphan_ns: int = ORPHAN_NS
+    stop_ports: dict[str, int] = {}  # by task
+    stop_key: str = ""  # hexadecimal
 
 
 class ChannelSender:
@@ -98,6 +104,10 @@ class ChannelReceiver:
     def fileno(self) -> int:
         """Return the file descriptor, for select."""
         return self.socket.fileno()
+
+    def has_pending(self) -> bool:
+        """Tell if packets wait that the last read left and select does not announce."""
+        return self.socket.has_pending()
 
     def read(self, clock: Clock) -> list[Message]:
         """Read the packets that arrived; count each, return the messages that are accepted."""

@@ -13,6 +13,7 @@ from comms.errors import PortInUse
 from comms.messages import Frame
 
 HIGH_WATER = 4  # frames in the queue; at 50 Hz the fifth would be 80 ms old
+DRAIN_LIMIT = 8  # frames a call, so that a flood does not delay the deadlines
 LINGER_MS = 500
 RECONNECT_MS = 5  # the receiver may bind after the sender connects; at 50 Hz the queue lasts 80 ms
 
@@ -78,12 +79,16 @@ class FrameReceiver:
             ) from error
 
     def fileno(self) -> int:
-        """Return the file descriptor, for select; edge-triggered, so drain until empty."""
+        """Return the file descriptor, for select; edge-triggered, see has_pending."""
         return int(self._socket.getsockopt(zmq.FD))
 
+    def has_pending(self) -> bool:
+        """Tell if frames wait that the last drain left."""
+        return bool(int(self._socket.getsockopt(zmq.EVENTS)) & zmq.POLLIN)
+
     def drain(self) -> Iterator[Frame | Closing | Reject]:
-        """Yield the frames received so far, oldest first."""
-        while True:
+        """Yield the frames received so far, oldest first, at most DRAIN_LIMIT."""
+        for _ in range(DRAIN_LIMIT):
             try:
                 parts = self._socket.recv_multipart(zmq.NOBLOCK, copy=False)
             except zmq.Again:

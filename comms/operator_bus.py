@@ -21,6 +21,7 @@ from comms.records import Event, LinkRow, Receipts, TaskTiming
 
 TELEMETRY_HIGH_WATER = 1000  # batches, each of up to 50 ms of a task's messages
 PICTURE_HIGH_WATER = 2  # pictures are dropped first
+DRAIN_LIMIT = 64  # messages of a socket a call, so that a flood delays neither stop nor tick
 LINGER_MS = 1000
 CLOSE_LINGER_MS = 200  # of the operator's end
 TELEMETRY_PARTS = 2  # channel, datagram
@@ -86,9 +87,13 @@ class TaskBus:
         """Return the descriptor of the control socket, for select; edge-triggered: drain it."""
         return int(self._commands.getsockopt(zmq.FD))
 
+    def has_pending(self) -> bool:
+        """Tell if commands wait that the last drain left."""
+        return bool(int(self._commands.getsockopt(zmq.EVENTS)) & zmq.POLLIN)
+
     def drain(self) -> Iterator[Command | None]:
-        """Yield the commands received so far; None is a heartbeat."""
-        while True:
+        """Yield the commands received so far, at most DRAIN_LIMIT; None is a heartbeat."""
+        for _ in range(DRAIN_LIMIT):
             try:
                 data = self._commands.recv(zmq.NOBLOCK)
             except zmq.Again:
@@ -176,7 +181,10 @@ class OperatorBus:
         zmq.select([self._commands, self._telemetry, self._pictures], [], [], timeout_ms / 1000)
 
     def drain(self) -> Iterator[tuple[bytes, Hello | StreamEnd | Reply | Record | Telemetry | str]]:
-        """Yield (sender, message) of all that arrived; a str is a request of another terminal."""
+        """Yield (sender, message) of what arrived; a str is a request of another terminal.
+
+        At most DRAIN_LIMIT messages of each socket; the next call goes on.
+        """
         yield from _drain_telemetry(self._telemetry, TELEMETRY_PARTS)
         yield from _drain_telemetry(self._pictures, PICTURE_PARTS)
         yield from self._drain_commands()
@@ -187,7 +195,7 @@ class OperatorBus:
             socket.close(CLOSE_LINGER_MS)
 
     def _drain_commands(self) -> Iterator[tuple[bytes, Hello | StreamEnd | Reply | Record | str]]:
-        while True:
+        for _ in range(DRAIN_LIMIT):
             try:
                 sender, *parts = self._commands.recv_multipart(zmq.NOBLOCK)
             except zmq.Again:
@@ -219,12 +227,12 @@ def _decode(parts: list[bytes]) -> Hello | StreamEnd | Reply | Record | str | No
 def _drain_telemetry(
     socket: zmq.Socket[bytes], parts_each: int
 ) -> Iterator[tuple[bytes, StreamEnd | Telemetry]]:
-    """Yield what arrived on a telemetry or picture socket.
+    """Yield what arrived on a telemetry or picture socket, at most DRAIN_LIMIT messages.
 
     A multipart message holds several copies of parts_each parts: channel, datagram and, for a
     picture, the pixels.
     """
-    while True:
+    for _ in range(DRAIN_LIMIT):
         try:
             parts = socket.recv_multipart(zmq.NOBLOCK)
         except zmq.Again:

@@ -1,7 +1,7 @@
 """Wall-clock runner: one task in one process, real sockets, absolute deadlines.
 
-A late tick is counted and not repeated. A tick that is due is served before the messages that
-arrived at the same time.
+A late tick is counted and not repeated. A tick that is due is served before anything is read, and
+every read is bounded: what a stranger sends delays no tick.
 """
 
 from __future__ import annotations
@@ -11,31 +11,29 @@ import select
 import signal
 import sys
 from collections.abc import Callable
-from typing import Any
 
 import msgspec
 import zmq
 
-from comms.channels import CHANNELS, MS, received_by, sent_by
+from comms.channels import MS, received_by
 from comms.clock import Clock, MonotonicClock
-from comms.codec import encode
-from comms.ends import ChannelReceiver, ChannelSender, Wiring
+from comms.ends import ChannelReceiver, Wiring
 from comms.errors import CommsError
-from comms.link import LinkCount
-from comms.messages import Command, Frame, Message, Reply, Verb
+from comms.intake import MAX_WAIT_NS, Intake, Source
+from comms.messages import Command, Reply, Verb
 from comms.operator_bus import Context, TaskBus
-from comms.outbox import Outbox
+from comms.operator_watch import OperatorWatch
 from comms.priority import take_priority
-from comms.records import Event, LinkRow, Receipts, TaskTiming
-from comms.task import Step, Task
+from comms.records import LinkRow
+from comms.stop_port import REQUESTS, StopPort
+from comms.task import Send, Step, Task
+from comms.task_output import TaskOutput
+from comms.task_records import TaskRecords
 
-# longest wait, and period of reading all sockets: the edge of a ZeroMQ descriptor can be missed
-MAX_WAIT_NS = 50 * MS
 RECORD_PERIOD_NS = 250 * MS
 # telemetry is sent in batches: one by one it would wake the operator a thousand times a second
 TELEMETRY_PERIOD_NS = 50 * MS
 DRAIN_NS = 200 * MS  # after the last send, in addition to the delay of the link
-OPERATOR_TIMEOUT_NS = 2_000 * MS  # ten heartbeats; then the task stops, and with it the robot
 START_TIMEOUT_NS = 30_000 * MS  # the imports of the slowest task on a busy machine
 DRAIN_POLL_S = 0.01
 ORPHANED, REFUSED = 5, 3  # exit codes
@@ -44,16 +42,18 @@ ORPHANED, REFUSED = 5, 3  # exit codes
 def main(build: Callable[[bytes], Task]) -> int:
     """Run the task of a process; return its exit code.
 
-    Standard input: {"wiring": ..., "settings": ...} in JSON; build makes the task from settings.
+    Standard input: {"wiring": ..., "settings": ...} in JSON on one line; build makes the task from
+    settings. It then stays open: its end tells that the process of the operator has exited.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # only the operator handles Ctrl-C
-    parts = msgspec.json.decode(sys.stdin.buffer.read(), type=dict[str, msgspec.Raw])
+    parts = msgspec.json.decode(sys.stdin.buffer.readline(), type=dict[str, msgspec.Raw])
     wiring = msgspec.json.decode(parts["wiring"], type=Wiring)
     task = build(bytes(parts["settings"]))
     # before any thread starts: those of ZeroMQ carry the frames and inherit the priority
     take_priority(wiring.priority)
+    clock = MonotonicClock(wiring.zero_ns)
     try:
-        runner = WallRunner(task, wiring, MonotonicClock(wiring.zero_ns))
+        runner = WallRunner(task, wiring, clock, sys.stdin.fileno())
     except CommsError as error:
         sys.stderr.write(f"{error}\n")
         return REFUSED
@@ -63,36 +63,36 @@ def main(build: Callable[[bytes], Task]) -> int:
 class WallRunner:
     """Runner of one task: executes its steps until it exits."""
 
-    def __init__(self, task: Task, wiring: Wiring, clock: Clock) -> None:
+    def __init__(self, task: Task, wiring: Wiring, clock: Clock, pipe: int | None = None) -> None:
+        """pipe: descriptor whose end tells that the process of the operator has exited."""
         self._task = task
         self._wiring = wiring
         self._clock = clock
         self._context: Context = zmq.Context()
-        self._senders = {
-            name: ChannelSender(name, wiring, self._context) for name in sent_by(task.name)
-        }
         self._receivers = {
             name: ChannelReceiver(name, wiring, self._context) for name in received_by(task.name)
         }
         self._bus = TaskBus(
             self._context, task.name, wiring.commands, wiring.telemetry, wiring.pictures
         )
-        self._polled: list[ChannelReceiver] = []  # read at every wake, do not wake the task
-        self._by_descriptor: dict[int, Any] = {}  # receivers that wake the task, and the bus
-        for name, receiver in self._receivers.items():
-            if CHANNELS[name].wakes:
-                self._by_descriptor[receiver.fileno()] = receiver
-            else:
-                self._polled.append(receiver)
-        self._by_descriptor[self._bus.fileno()] = self._bus
+        self._output = TaskOutput(task.name, wiring, self._context, self._bus, clock)
+        self._records = TaskRecords(task, self._bus, self._receivers.values(), clock)
+        self._intake = Intake(self._receivers, clock)
+        self._intake.add(self._bus)
+        self._watch = OperatorWatch(wiring.operator_silent_ns, pipe)
+        if self._watch.has_pipe:
+            self._intake.add(self._watch)
+        self._stop_port: StopPort | None = None
+        if task.name in wiring.stop_ports:
+            key = bytes.fromhex(wiring.stop_key)
+            self._stop_port = StopPort(wiring.stop_ports[task.name], key)
+            self._intake.add(self._stop_port)
+        self._taken: set[str] = set()  # requests of the stop port
         self._early_commands: list[Command] = []  # received before the start of the task
-        self._operator_counts: dict[str, LinkCount] = {}  # of channels to the operator
-        self._outbox = Outbox()
         self._wake_ns: int | None = None
         self._exit: int | None = None
-        self._lateness_ns: list[int] = []
-        self._record_ns = self._telemetry_ns = self._read_all_ns = 0
-        self._operator_ns = self._picture_ns = 0  # last message of the operator, last picture
+        self._record_ns = self._telemetry_ns = 0
+        self._leave_ns: int | None = None  # after the loss of the operator
 
     def run(self) -> int:
         """Run the task until it exits; return its exit code."""
@@ -101,12 +101,13 @@ class WallRunner:
         if not self._wait_for_heartbeat():
             return self._give_up()
         now = self._clock.now_ns()
-        self._operator_ns = now
+        self._watch.hear(now)
         self._execute(self._task.start(now))
         for command in self._early_commands:
             self._handle_command(command)
         while self._exit is None:
             self._serve(self._wait())
+            self._check_operator()
         self._close()
         return self._exit
 
@@ -122,81 +123,118 @@ class WallRunner:
             self._early_commands += [command for command in received if command is not None]
             if None in received:
                 return True
-            select.select([self._bus], [], [], MAX_WAIT_NS * 1e-9)
+            if not self._bus.has_pending():
+                self._await_operator()
+            if self._watch.is_gone:
+                return False
         return False
+
+    def _await_operator(self) -> None:
+        """Wait for a message of the operator or the end of its process, at most MAX_WAIT_NS."""
+        sources: list[Source] = [self._bus]
+        if self._watch.has_pipe:
+            sources.append(self._watch)
+        if self._watch in select.select(sources, [], [], MAX_WAIT_NS * 1e-9)[0]:
+            self._watch.read_pipe()
 
     def _give_up(self) -> int:
         """Close the sockets of a task that was never started; return its exit code."""
-        self._report_exit(f"no heartbeat of the operator within {START_TIMEOUT_NS / MS:.0f} ms")
-        for sender in self._senders.values():
-            sender.close(self._clock.now_ns())
+        reason = f"no heartbeat of the operator within {START_TIMEOUT_NS / MS:.0f} ms"
+        self._records.exit_reason(self._watch.loss(0) or reason)
+        self._output.close()
         self._close_sockets()
         self._context.destroy(0)
         return ORPHANED
 
-    def _wait(self) -> list[Any]:
+    def _wait(self) -> list[Source]:
         """Wait until a deadline or a message; return the receivers and the bus to read."""
-        now = self._clock.now_ns()
-        due = now + MAX_WAIT_NS
+        due_ns = self._clock.now_ns() + MAX_WAIT_NS
         if self._wake_ns is not None:
-            due = min(due, self._wake_ns)
-        if self._outbox.due_ns is not None:
-            due = min(due, self._outbox.due_ns)
-        ready = select.select(self._by_descriptor, [], [], max(0, due - now) * 1e-9)[0]
-        if now >= self._read_all_ns:
-            self._read_all_ns = now + MAX_WAIT_NS
-            return list(self._by_descriptor.values())
-        return [self._by_descriptor[descriptor] for descriptor in ready]
+            due_ns = min(due_ns, self._wake_ns)
+        if self._output.due_ns is not None:
+            due_ns = min(due_ns, self._output.due_ns)
+        return self._intake.wait(due_ns)
 
-    def _serve(self, ready: list[Any]) -> None:
-        """Serve what is due: polled channels, tick, packets, messages, telemetry, records."""
-        for receiver in self._polled:
-            self._read(receiver)
-        now = self._clock.now_ns()
-        if self._wake_ns is not None and self._wake_ns <= now:
-            self._lateness_ns.append(now - self._wake_ns)
-            self._wake_ns = None
-            self._execute(self._task.on_tick(now))
-        self._send_due()
-        for source in ready:
-            if source is self._bus:
-                self._read_commands()
-            else:
+    def _serve(self, ready: list[Source]) -> None:
+        """Serve what is due: tick, packets to send, received data, telemetry, records.
+
+        No read delays a tick by more than its bound: a tick that is due comes before each of them.
+        """
+        for source in (*self._intake.polled, *ready):
+            self._tick_if_due()
+            if self._exit is None:
                 self._read(source)
-        self._send_due()
+        self._tick_if_due()
+        now = self._clock.now_ns()
         if now >= self._telemetry_ns:
             self._telemetry_ns = now + TELEMETRY_PERIOD_NS
             self._bus.flush_telemetry()
         if now >= self._record_ns:
             self._record_ns = now + RECORD_PERIOD_NS
-            self._send_records(now)
+            self._records.send()
 
-    def _read(self, receiver: ChannelReceiver) -> None:
-        for message in receiver.read(self._clock):
-            self._execute(self._task.on_message(receiver.name, message, self._clock.now_ns()))
+    def _tick_if_due(self) -> None:
+        now = self._clock.now_ns()
+        if self._exit is None and self._wake_ns is not None and self._wake_ns <= now:
+            self._records.add_lateness(now - self._wake_ns)
+            self._wake_ns = None
+            self._execute(self._task.on_tick(now))
+        self._output.send_due()
+
+    def _read(self, source: Source) -> None:
+        if isinstance(source, ChannelReceiver):
+            for message in source.read(self._clock):
+                self._execute(self._task.on_message(source.name, message, self._clock.now_ns()))
+        elif isinstance(source, StopPort):
+            for request in source.drain():
+                self._take_stop(request)
+        elif source is self._watch:
+            self._watch.read_pipe()
+            if self._watch.is_gone:
+                self._intake.remove(source)
+        else:
+            self._read_commands()
 
     def _read_commands(self) -> None:
         for command in self._bus.drain():
-            self._operator_ns = self._clock.now_ns()
+            self._watch.hear(self._clock.now_ns())
             if command is not None:
                 self._handle_command(command)
+
+    def _check_operator(self) -> None:
+        """Stop the task when its operator is lost; exit once the robot had the time to stop."""
         now = self._clock.now_ns()
-        silent_ns = now - self._operator_ns
-        if silent_ns > OPERATOR_TIMEOUT_NS:
-            self._report_exit(
-                f"no message from the operator for {silent_ns / MS:.0f} ms; "
-                f"must be <= {OPERATOR_TIMEOUT_NS / MS:.0f} ms: its process exited or was not run"
-            )
+        if self._leave_ns is not None and now >= self._leave_ns:
             self._stop_task(ORPHANED)
+        is_leaving = self._leave_ns is not None or self._exit is not None
+        if is_leaving or self._watch.loss(now) is None:
+            return
+        self._read_commands()  # what arrived while this process itself was not run
+        reason = self._watch.loss(now)
+        if reason is not None and self._exit is None:
+            self._leave_ns = now + self._wiring.orphan_ns
+            self._records.exit_reason(reason)
+            self._order_stop(Verb.STOP, reason, ORPHANED)
 
-    def _report_exit(self, reason: str) -> None:
-        """Say on standard error and on the bus why this task exits by itself."""
-        sys.stderr.write(f"{self._task.name}: {reason}\n")
-        self._record_event("error", reason)
+    def _take_stop(self, request: str) -> None:
+        """Carry out an order of the stop port; a repeated one has no effect."""
+        if request not in self._taken:
+            self._taken.add(request)
+            reason = f"{request} at the stop port, past the operator"
+            self._order_stop(Verb(request), reason, REQUESTS[request])
 
-    def _record_event(self, level: str, text: str) -> None:
-        t_ns = self._clock.now_ns()
-        self._bus.record(Event(t_ns=t_ns, level=level, source=self._task.name, text=text))
+    def _order_stop(self, verb: Verb, reason: str, code: int) -> None:
+        """Give the task a stop order that the operator did not send; it is told with the reason."""
+        now = self._clock.now_ns()
+        order = Command(seq=0, t_ns=now, id=0, to=self._task.name, verb=verb)
+        step = self._task.on_message("command", order, now)
+        sends: list[Send] = []
+        for send in step.sends:
+            message = send.message
+            if isinstance(message, Reply):
+                message = msgspec.structs.replace(message, ok=False, text=reason, exit=code)
+            sends.append(send._replace(message=message))
+        self._execute(step._replace(sends=sends))
 
     def _handle_command(self, command: Command) -> None:
         if command.verb is Verb.CLOSE:
@@ -213,57 +251,12 @@ class WallRunner:
             self._wake_ns = step.wake_ns
         if step.exit is not None:
             self._exit = step.exit
-        for channel, message, at_ns in step.sends:
-            if isinstance(message, Reply):
-                self._bus.reply(message)
-            elif channel in self._senders:
-                self._queue(self._senders[channel], message, at_ns)
-            else:  # truth: to the operator only
-                self._operator_counts.setdefault(channel, LinkCount()).sent += 1
-                self._bus.add_telemetry(channel, encode(channel, message, self._wiring.session))
-
-    def _queue(self, sender: ChannelSender, message: Message, at_ns: int) -> None:
-        data = encode(sender.name, message, self._wiring.session)
-        self._bus.add_telemetry(sender.name, data)
-        frame = message if isinstance(message, Frame) else None
-        if frame is not None:
-            self._send_picture(sender.name, frame, data)
-        delay_ns = sender.apply_link(message.seq)
-        if delay_ns is not None:
-            self._outbox.add(at_ns + delay_ns, sender, frame or data)
-
-    def _send_picture(self, channel: str, frame: Frame, data: bytes) -> None:
-        """Send a frame with its pixels to the log, at most pictures_hz times a second."""
-        if self._wiring.pictures_hz > 0 and frame.t_ns >= self._picture_ns:
-            self._picture_ns = frame.t_ns + round(1e9 / self._wiring.pictures_hz)
-            self._bus.picture(channel, data, frame.pixels.tobytes())
-
-    def _send_due(self) -> None:
-        while self._outbox.send_due(self._clock.now_ns()):
-            pass
-
-    def _send_records(self, now: int) -> None:
-        if self._lateness_ns:
-            timing = TaskTiming(
-                task=self._task.name,
-                t_ns=now,
-                late_ticks=self._task.late_ticks,
-                lateness_ns=self._lateness_ns,
-            )
-            self._bus.record(timing)
-            self._lateness_ns = []
-        for receiver in self._receivers.values():
-            if receiver.receipts:
-                self._bus.record(Receipts(channel=receiver.name, rows=receiver.receipts))
-                receiver.receipts = []
+        self._output.take(step.sends)
 
     def _close(self) -> None:
         """Send the queued packets and the closing counts, drain the receivers, send the ledger."""
-        while (due_ns := self._outbox.due_ns) is not None:
-            select.select([], [], [], max(0, due_ns - self._clock.now_ns()) * 1e-9)
-            self._send_due()
-        for sender in self._senders.values():
-            sender.close(self._clock.now_ns())
+        self._output.flush()
+        self._output.close()
         self._drain()
         self._send_ledger()
 
@@ -278,23 +271,30 @@ class WallRunner:
                 receiver.read(self._clock)  # counted; the task is stopped
 
     def _send_ledger(self) -> None:
-        now = self._clock.now_ns()
         self._bus.flush_telemetry()
-        self._send_records(now)
-        counts = {name: sender.count for name, sender in self._senders.items()}
+        self._records.send()
+        counts = self._output.counts
         counts |= {name: receiver.count for name, receiver in self._receivers.items()}
-        counts |= self._operator_counts
+        counts |= self._output.operator_counts
         for name, count in counts.items():
             self._bus.record(LinkRow(channel=name, count=count))
         dropped = (self._bus.dropped_telemetry, self._bus.dropped_pictures)
         if any(dropped):
             text = "{} messages and {} pictures were not logged".format(*dropped)
-            self._record_event("warning", text)
+            self._records.event("warning", text)
+        if self._stop_port is not None and self._stop_port.ignored:
+            text = f"{self._stop_port.ignored} foreign datagrams at the stop port were ignored"
+            self._records.event("info", text)
         self._bus.end_streams()
         self._close_sockets()
-        self._context.term()
+        if self._watch.is_gone:
+            self._context.destroy(0)
+        else:
+            self._context.term()
 
     def _close_sockets(self) -> None:
         for receiver in self._receivers.values():
             receiver.socket.close()
+        if self._stop_port is not None:
+            self._stop_port.close()
         self._bus.close()

@@ -67,6 +67,10 @@ class UdpReceiver:
         """Return the file descriptor, for select."""
         return self._socket.fileno()
 
+    def has_pending(self) -> bool:
+        """Tell if datagrams wait that select does not announce: none do."""
+        return False
+
     def drain(self) -> Iterator[bytes]:
         """Yield the datagrams received so far, oldest first, at most DRAIN_LIMIT."""
         for _ in range(DRAIN_LIMIT):

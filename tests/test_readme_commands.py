@@ -77,7 +77,7 @@ def render_video(rig, monkeypatch):
 
 
 def start_operator(rig, monkeypatch):
-    """Answer one request, as the operator of a run does."""
+    """Answer a stop and the question after it, as the operator of a run does."""
     context = zmq.Context()
     socket = context.socket(zmq.REP)
     port = socket.bind_to_random_port("tcp://127.0.0.1")
@@ -87,8 +87,12 @@ def start_operator(rig, monkeypatch):
     (folder / "operator.json").write_bytes(msgspec.json.encode(fields))
 
     def answer():
-        if socket.poll(REQUEST_WAIT_MS):
-            socket.send(b"stopping" if socket.recv() == b"stop" else b"refused")
+        for expected, text in (
+            (b"stop", b"ordered, was running"),
+            (b"status", b'{"at_rest":true}'),
+        ):
+            if socket.poll(REQUEST_WAIT_MS):
+                socket.send(text if socket.recv() == expected else b"refused")
         context.destroy()
 
     threading.Thread(target=answer).start()

@@ -24,8 +24,9 @@ NotNegative = Annotated[float, Meta(ge=0, le=1e6)]
 Place = Annotated[float, Meta(ge=-10, le=10)]
 Pixel = Annotated[float, Meta(ge=-1e5, le=1e5)]
 Name = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_\-]{1,60}\Z")]
-BUS_PORTS = 3  # base_port .. base_port + 2 are the operator's, the channels follow
-PORTS = BUS_PORTS + len(DATA)
+BUS_PORTS = 3  # base_port .. base_port + 2 are the operator's, channels and stop ports follow
+STOPPABLE = ("controller", "streamer")  # tasks with a stop port: those that move the robot
+PORTS = BUS_PORTS + len(DATA) + len(STOPPABLE)
 MIN_PORT = 1024  # below it ports belong to the services of the system
 MAX_BASE_PORT = 65_535 - PORTS + 1
 
@@ -119,6 +120,7 @@ class SafetySection(Section, frozen=True, kw_only=True):
     servo_lag_ms: Annotated[float, Meta(ge=0, le=1000)] = 20.0
     following_error_mm: Annotated[float, Meta(gt=0, le=10_000)] = 20.0
     following_error_ms: Annotated[float, Meta(ge=0, le=60_000)] = 50.0
+    operator_silent_ms: Annotated[float, Meta(ge=150, le=60_000)] = 250.0  # three heartbeats
     # largest amplitude of the load before the move; a run with more is refused
     initial_swing_rad: Annotated[float, Meta(ge=0, le=1.6)] = 0.01
 

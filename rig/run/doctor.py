@@ -18,7 +18,7 @@ from comms.udp import UdpReceiver, port_is_free, receive_buffer_bytes
 from rig.run.config import BUS_PORTS, NetworkSection, shipped_calibrations
 from rig.run.machine import MachineGrade, measure_machine
 from rig.run.runtime.children import PROCESSES
-from rig.run.runtime.ports import channel_ports
+from rig.run.runtime.ports import choose_ports
 
 ROOMS = ("comms", "planners", "vision", "sim_rig", "rig")
 NEEDED = {
@@ -157,8 +157,10 @@ def _ports(network: NetworkSection) -> Finding:
         return _free_port(network.bind)
     base = network.base_port
     wanted = [(base + i, False) for i in range(BUS_PORTS)]  # port, is UDP
-    for name, port in channel_ports(network.bind, base).items():
+    ports = choose_ports(network.bind, base)
+    for name, port in ports.channels.items():
         wanted.append((port, CHANNELS[name].transport is Transport.UDP))
+    wanted += [(port, True) for port in ports.stops.values()]
     taken = [str(port) for port, udp in wanted if not port_is_free(network.bind, port, udp)]
     if taken:
         return Finding(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import threading
+import select
 from collections.abc import Iterator
 
 import pytest
@@ -11,8 +11,16 @@ import zmq
 from comms.errors import PortInUse
 from comms.link import LinkCount
 from comms.messages import Command, Phase, Reply, Verb
-from comms.operator_bus import Context, Hello, OperatorBus, Record, TaskBus, Telemetry
-from comms.operator_request import ask
+from comms.operator_bus import (
+    DRAIN_LIMIT,
+    Context,
+    Hello,
+    OperatorBus,
+    Record,
+    TaskBus,
+    Telemetry,
+)
+from comms.operator_request import OperatorRequests
 from comms.records import Event, LinkRow, Receipts, TaskTiming
 from comms.udp import free_port, port_is_free
 
@@ -177,21 +185,29 @@ def test_invalid_telemetry_is_ignored(
         stranger.close()
 
 
-def test_a_second_terminal_gets_its_answer(operator: OperatorBus) -> None:
-    answers: list[str | None] = []
-    terminal = threading.Thread(
-        target=lambda: answers.append(ask(operator.commands, "stop", LOOKS * LOOK_MS))
-    )
-    terminal.start()
-    ((client, request),) = received(operator, 1)
-    assert request == "stop"
-    operator.answer(client, "stopping")
-    terminal.join(LOOKS * LOOK_MS / 1000)
-    assert answers == ["stopping"]
+def test_a_second_terminal_gets_its_answers_in_order(operator: OperatorBus) -> None:
+    terminal = OperatorRequests(operator.commands)
+    for request in ("stop", "status"):
+        terminal.send(request)
+    requests = received(operator, 2)
+    assert [request for _, request in requests] == ["stop", "status"]
+    for client, request in requests:
+        operator.answer(client, f"{request} answered")
+    answers = [terminal.receive(LOOKS * LOOK_MS) for _ in requests]
+    assert answers == ["stop answered", "status answered"]
+    terminal.close()
 
 
 def test_a_request_without_an_operator_gives_none_after_the_timeout() -> None:
-    assert ask("tcp://127.0.0.1:9", "stop", timeout_ms=20) is None
+    terminal = OperatorRequests("tcp://127.0.0.1:9")
+    terminal.send("stop")
+    assert terminal.receive(timeout_ms=20) is None
+    terminal.close()
+
+
+def test_an_address_that_is_none_is_named() -> None:
+    with pytest.raises(ValueError, match="address = 'nowhere'"):
+        OperatorRequests("nowhere")
 
 
 def test_a_fixed_port_takes_the_two_above_it_too(context: Context) -> None:
@@ -210,3 +226,48 @@ def test_a_port_in_use_is_named_with_what_to_do(context: Context, operator: Oper
     port = int(operator.telemetry.rpartition(":")[2])
     with pytest.raises(PortInUse, match=rf"TCP port {port} on {HOST} .*network\.base_port"):
         OperatorBus(context, HOST, port)
+
+
+def fill(context: Context, address: str, kind: int, parts: list[bytes]) -> zmq.Socket[bytes]:
+    """Send a socket of the operator far more than one drain may read."""
+    stranger = context.socket(kind)
+    stranger.connect(address)
+    for _ in range(5 * DRAIN_LIMIT):
+        stranger.send_multipart(parts)
+    return stranger
+
+
+@pytest.mark.parametrize("socket", ["commands", "telemetry", "pictures"])
+def test_a_drain_of_the_operator_is_bounded_and_the_next_one_goes_on(
+    context: Context, operator: OperatorBus, socket: str
+) -> None:
+    kind, parts = (zmq.DEALER, [b"hello"])
+    if socket != "commands":
+        kind, parts = (zmq.PUSH, [b"angle", b"good", b"pixels"])
+    stranger = fill(context, getattr(operator, socket), kind, parts)
+    counts = []
+    for _ in range(LOOKS):
+        operator.wait(LOOK_MS)
+        counts.append(len(list(operator.drain())))
+        if sum(counts) == 5 * DRAIN_LIMIT:
+            break
+    assert sum(counts) == 5 * DRAIN_LIMIT
+    assert max(counts) <= DRAIN_LIMIT
+    stranger.close()
+
+
+def test_a_drain_of_a_task_is_bounded_and_says_that_more_waits(
+    operator: OperatorBus, vision: TaskBus
+) -> None:
+    for _ in range(5 * DRAIN_LIMIT):
+        operator.heartbeat("vision")
+    drains: list[list[Command | None]] = []
+    for _ in range(LOOKS):
+        select.select([vision], [], [], 0 if vision.has_pending() else LOOK_MS / 1000)
+        drains.append(list(vision.drain()))
+        if sum(map(len, drains)) == 5 * DRAIN_LIMIT:
+            break
+    assert {command for drain in drains for command in drain} == {None}
+    assert sum(map(len, drains)) == 5 * DRAIN_LIMIT
+    assert max(map(len, drains)) <= DRAIN_LIMIT
+    assert not vision.has_pending()

@@ -170,6 +170,27 @@ def test_pictures_arrive_with_their_pixels_and_the_closing_count(context: Contex
     receiver.close()
 
 
+def test_a_drain_reads_a_bounded_number_of_frames_and_says_that_more_wait(
+    context: Context, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(frames, "DRAIN_LIMIT", 2)
+    port = free_port(HOST, udp=False)
+    receiver = FrameReceiver(context, HOST, port, "frame", SESSION)
+    sender = FrameSender(context, HOST, port, "frame", SESSION)
+    assert [sender.send(picture(k)) for k in range(3)] == [True] * 3
+    drains: list[int] = []
+    for _ in range(LOOKS):
+        drains.append(len(list(receiver.drain())))
+        if sum(drains) == 3:
+            break
+        if not receiver.has_pending():
+            select.select([receiver], [], [], WAIT_S / LOOKS)
+    assert sum(drains) == 3
+    assert max(drains) <= 2
+    sender.close(3, 0)
+    receiver.close()
+
+
 def test_a_picture_cut_out_of_a_larger_one_arrives_with_its_own_pixels(context: Context) -> None:
     port = free_port(HOST, udp=False)
     receiver = FrameReceiver(context, HOST, port, "frame", SESSION)

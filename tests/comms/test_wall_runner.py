@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import gc
+import os
 import re
 import select
 import threading
 from collections.abc import Iterator
 
+import msgspec
 import pytest
 import zmq
 
@@ -15,11 +17,13 @@ from comms import frames, operator_bus, runner
 from comms.channels import DATA
 from comms.clock import MonotonicClock, new_run_clock
 from comms.codec import Closing, decode, encode, encode_closing
+from comms.ends import ChannelReceiver
 from comms.link import LinkCount, LinkFaults, LinkModel, merge_counts
 from comms.messages import Command, Message, Phase, Reference, Reply, RobotState, Truth, Verb
 from comms.operator_bus import Context, Hello, OperatorBus, Record, StreamEnd, Telemetry
-from comms.records import LinkRow, Receipts, TaskTiming
+from comms.records import Event, LinkRow, Receipts, TaskTiming
 from comms.runner import ORPHANED, WallRunner, Wiring
+from comms.stop_port import send_stop
 from comms.task import NO_STEP, Send, Step
 from comms.udp import UdpReceiver, UdpSender, free_port
 from tests.comms.wire_reference import SESSION, Gate
@@ -43,6 +47,8 @@ class Echo:
         self.late_ticks = 0
         self.started = self.stopped = False
         self.wakes: list[tuple[int, int]] = []  # (requested, served) [ns]
+        self.verbs: list[Verb] = []
+        self.stop_order_ns = self.stop_ns = 0
 
     def start(self, t_ns: int) -> Step:
         """Request the first tick."""
@@ -53,6 +59,9 @@ class Echo:
     def on_message(self, channel: str, message: Message, t_ns: int) -> Step:
         """Answer commands by their verb, references by their number; estop exits with code 4."""
         if isinstance(message, Command):
+            self.verbs.append(message.verb)
+            if message.verb is Verb.STOP:
+                self.stop_order_ns = t_ns
             text = message.verb.value
             reply = Reply(
                 seq=0,
@@ -76,7 +85,7 @@ class Echo:
 
     def stop(self, t_ns: int) -> Step:
         """Send the last state."""
-        self.stopped = True
+        self.stopped, self.stop_ns = True, t_ns
         return Step([Send("robot_state", state(PACKETS, t_ns), t_ns)])
 
 
@@ -134,8 +143,8 @@ class Operator:
         self.exit_codes: list[int] = []
         self._thread: threading.Thread | None = None
 
-    def launch(self) -> None:
-        """Start the runner in a thread."""
+    def launch(self, pipe: int | None = None, **changes: object) -> None:
+        """Start the runner in a thread; pipe, changes: of the runner and its wiring."""
         wiring = Wiring(
             session=SESSION,
             seed=5,
@@ -147,7 +156,8 @@ class Operator:
             pictures=self.bus.pictures,
             faults={"robot_state": LOSSY},
         )
-        wall = WallRunner(self.task, wiring, self.clock)
+        wiring = msgspec.structs.replace(wiring, **changes)
+        wall = WallRunner(self.task, wiring, self.clock, pipe)
         self._thread = threading.Thread(target=lambda: self.exit_codes.append(wall.run()))
         self._thread.start()
 
@@ -157,13 +167,13 @@ class Operator:
             Command(seq=number, t_ns=self.clock.now_ns(), id=number, to=self.task.name, verb=verb)
         )
 
-    def hears(self, wanted: type, count: int = 1) -> None:
-        """Read until `count` messages of a type arrived; send heartbeats after the Hello."""
+    def hears(self, wanted: type, count: int = 1, *, beat: bool = True) -> None:
+        """Read until `count` messages of a type arrived; beat: heartbeats after the Hello."""
         for _ in range(LOOKS):
             self.heard += [message for _, message in self.bus.drain()]
             if len(self.all(wanted)) >= count:
                 return
-            if self.all(Hello):
+            if beat and self.all(Hello):
                 self.bus.heartbeat(self.task.name)
             self.bus.wait(LOOK_MS)
         pytest.fail(f"{count} x {wanted.__name__} expected, received {self.heard}")
@@ -196,7 +206,6 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 def alone(quick: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """Short timeouts for a task without an operator."""
     monkeypatch.setattr(operator_bus, "LINGER_MS", 0)
-    monkeypatch.setattr(runner, "OPERATOR_TIMEOUT_NS", 100 * MS)
     monkeypatch.setattr(runner, "START_TIMEOUT_NS", 100 * MS)
 
 
@@ -370,21 +379,68 @@ def test_the_truth_goes_to_the_operator_and_into_the_ledger(bench_operator: Oper
     assert operator.rows()["truth"] == LinkCount(sent=1)
 
 
-def test_a_task_that_loses_its_operator_stops_and_exits(
-    operator: Operator, alone: None, capsys: pytest.CaptureFixture[str]
-) -> None:
-    operator.launch()
+def started_controller(operator: Operator, pipe: int | None = None, **changes: object) -> None:
+    """Launch the task and wait until it is started."""
+    operator.launch(pipe, **changes)
     operator.hears(Hello)
     operator.bus.heartbeat("controller")
     operator.order(Verb.STATUS, 1)
     operator.hears(Reply)
+
+
+def test_a_task_that_loses_its_operator_stops_and_exits(
+    operator: Operator, alone: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    started_controller(operator, operator_silent_ns=100 * MS, orphan_ns=20 * MS)
     operator.bus.close()
     assert operator.exit_code() == ORPHANED == 5
     said = capsys.readouterr().err
     assert re.search(
-        r"controller: no message from the operator for \d+ ms; must be <= 100 ms", said
+        r"controller: no message from the operator for \d+ ms; must be <= 100 ms "
+        r"\(safety.operator_silent_ms\)",
+        said,
     )
     assert operator.task.stopped
+
+
+def test_a_task_whose_operator_is_silent_stops_the_robot_and_reports_it_before_it_exits(
+    operator: Operator, alone: None
+) -> None:
+    started_controller(operator, operator_silent_ns=100 * MS, orphan_ns=100 * MS)
+    operator.hears(StreamEnd, 2, beat=False)
+    assert operator.exit_code() == ORPHANED
+    _, report = [r for r in operator.all(Reply) if isinstance(r, Reply)]
+    assert (report.id, report.ok, report.exit) == (0, False, ORPHANED)
+    assert report.text.startswith("no message from the operator for")
+    assert operator.task.verbs == [Verb.STATUS, Verb.STOP]
+    stop_ns, close_ns = operator.task.stop_order_ns, operator.task.stop_ns
+    assert close_ns - stop_ns >= 100 * MS  # the robot has the time to come to rest
+
+
+def test_the_death_of_the_operators_process_stops_the_robot_whatever_the_bound_of_its_silence(
+    operator: Operator, alone: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    reading, writing = os.pipe()
+    started_controller(operator, reading, operator_silent_ns=3_600_000 * MS, orphan_ns=20 * MS)
+    operator.hears(TaskTiming, 2)  # an open pipe keeps it from nothing
+    os.close(writing)
+    assert operator.exit_code() == ORPHANED
+    os.close(reading)
+    assert operator.task.verbs[-1] is Verb.STOP
+    assert "controller: the process of the operator has exited" in capsys.readouterr().err
+
+
+def test_the_death_of_the_operators_process_ends_a_task_that_waits_for_its_start(
+    operator: Operator, quick: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    reading, writing = os.pipe()
+    operator.launch(reading)
+    operator.hears(Hello, beat=False)
+    os.close(writing)
+    assert operator.exit_code() == ORPHANED
+    os.close(reading)
+    assert not operator.task.started
+    assert "the process of the operator has exited" in capsys.readouterr().err
 
 
 def test_a_task_without_a_heartbeat_exits_without_having_started(
@@ -394,3 +450,89 @@ def test_a_task_without_a_heartbeat_exits_without_having_started(
     assert operator.exit_code() == ORPHANED
     assert "no heartbeat of the operator within 100 ms" in capsys.readouterr().err
     assert not operator.task.started
+
+
+def test_more_commands_than_one_drain_reads_are_all_answered(
+    operator: Operator, quick: None
+) -> None:
+    operator.launch()
+    operator.hears(Hello)
+    operator.bus.heartbeat("controller")
+    count = 3 * operator_bus.DRAIN_LIMIT
+    for number in range(1, count + 1):
+        operator.order(Verb.STATUS, number)
+    operator.hears(Reply, count)
+    operator.order(Verb.CLOSE, count + 1)
+    operator.hears(StreamEnd, 2)
+    assert operator.exit_code() == 0
+    answered = [r.id for r in operator.all(Reply) if isinstance(r, Reply)]
+    assert answered == list(range(1, count + 1))
+
+
+def test_a_tick_that_is_due_is_served_before_every_read(
+    operator: Operator, quick: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each read takes longer than the period of the ticks, as under a flood."""
+    served: list[str] = []
+
+    class Ticking(Echo):
+        """Task that notes its ticks."""
+
+        def on_tick(self, t_ns: int) -> Step:
+            served.append("tick")
+            return super().on_tick(t_ns)
+
+    class SlowClock(MonotonicClock):
+        """Clock on which the reads take their time."""
+
+        reads_ns = 0
+
+        def now_ns(self) -> int:
+            return super().now_ns() + self.reads_ns
+
+    def read(receiver: ChannelReceiver, clock: SlowClock) -> list[Message]:
+        clock.reads_ns += 6 * MS
+        served.append(receiver.name)
+        return []
+
+    monkeypatch.setattr(ChannelReceiver, "read", read)
+    operator.task = Ticking()
+    operator.clock = SlowClock(operator.clock.zero_ns)
+    operator.launch()
+    operator.hears(Hello)
+    operator.hears(TaskTiming, 2)
+    operator.order(Verb.CLOSE, 1)
+    operator.hears(StreamEnd, 2)
+    assert operator.exit_code() == 0
+    while served[-1] != "tick":  # the reads after the last tick are those of the shutdown
+        served.pop()
+    first = served.index("tick")
+    reads_between_ticks = "".join(name[0] for name in served[first:]).split("t")
+    assert {"reference", "joint_state"} <= set(served)
+    assert max(len(reads) for reads in reads_between_ticks) == 1
+
+
+@pytest.mark.parametrize(
+    ("request_name", "verb", "code"), [("stop", Verb.STOP, 4), ("estop", Verb.ESTOP, 5)]
+)
+def test_a_stop_datagram_stops_the_task_once_and_reports_it_and_junk_does_nothing(
+    operator: Operator, alone: None, request_name: str, verb: Verb, code: int
+) -> None:
+    key, port = bytes(range(16)), free_port(HOST)
+    started_controller(operator, stop_ports={"controller": port}, stop_key=key.hex())
+    send_stop(port, key[:-1] + b"x", request_name)
+    send_stop(port, key, "start")
+    for _ in range(3):
+        send_stop(port, key, request_name)
+    operator.hears(Reply, 2)
+    if verb is Verb.STOP:  # an estop ends this task
+        operator.hears(TaskTiming, len(operator.all(TaskTiming)) + 2)
+        operator.order(Verb.CLOSE, 2)
+    operator.hears(StreamEnd, 2)
+    _, report = [r for r in operator.all(Reply) if isinstance(r, Reply)]
+    assert operator.task.verbs == [Verb.STATUS, verb]
+    assert (report.ok, report.exit, report.id) == (False, code, 0)
+    assert report.text == f"{request_name} at the stop port, past the operator"
+    texts = [e.text for e in operator.all(Event) if isinstance(e, Event)]
+    assert texts == ["2 foreign datagrams at the stop port were ignored"]
+    operator.exit_code()

@@ -6,33 +6,35 @@ import os
 import subprocess
 import sys
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import msgspec
 
 from comms.clock import cpu_of_s
-from comms.ends import Wiring
+from comms.ends import OPERATOR_SILENT_NS, Wiring
 from comms.priority import scheduling_of
 
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 
 class Process(NamedTuple):
-    """Row of the process table: module, and requested real-time priority.
+    """Row of the process table: module, requested real-time priority, and if it moves the robot.
 
     The order of the priorities is that of the controller in the source.
     """
 
     module: str
     priority: int
+    is_mover: bool = False
 
 
 PROCESSES = {
     "bench": Process("sim_rig", 25),
-    "controller": Process("rig.run.tasks.controller", 30),
+    "controller": Process("rig.run.tasks.controller", 30, is_mover=True),
     "vision": Process("vision", 10),
-    "streamer": Process("rig.run.tasks.streamer", 20),
+    "streamer": Process("rig.run.tasks.streamer", 20, is_mover=True),
 }
 
 
@@ -52,7 +54,8 @@ class Children:
     def start(self, settings: Mapping[str, Any], wiring: Wiring) -> None:
         """Start every task with the same interpreter and its settings on standard input.
 
-        Each has a process group of its own, so that Ctrl-C reaches the operator alone.
+        Each has a process group of its own, so that Ctrl-C reaches the operator alone. The bound on
+        the silence of the operator is that of the tasks that move; the others may wait longer.
         """
         for name, task_settings in settings.items():
             process = PROCESSES[name]
@@ -66,7 +69,12 @@ class Children:
                     process_group=0,
                 )
             self._running[name] = child
-            own = msgspec.structs.replace(wiring, priority=process.priority)
+            silent_ns = wiring.operator_silent_ns
+            if not process.is_mover:
+                silent_ns = max(silent_ns, OPERATOR_SILENT_NS)
+            own = msgspec.structs.replace(
+                wiring, priority=process.priority, operator_silent_ns=silent_ns
+            )
             data = msgspec.json.encode({"wiring": own, "settings": task_settings})
             _write_settings(child, data)
 
@@ -118,6 +126,9 @@ class Children:
                 killed.append(name)
                 self._exited.add(name)  # newly_exited() does not report it
             child.wait()
+            if child.stdin is not None:
+                with suppress(BrokenPipeError):  # it exited before it read its settings
+                    child.stdin.close()
             log = self._log_path(name)
             if log.exists() and log.stat().st_size == 0:
                 log.unlink()
@@ -128,10 +139,11 @@ class Children:
 
 
 def _write_settings(child: subprocess.Popen[bytes], data: bytes) -> None:
-    """Write to a task's standard input; newly_exited() reports one that exited before reading."""
+    """Write a line to a task's standard input, which stays open: its end is that of the operator.
+
+    newly_exited() reports a task that exited before reading.
+    """
     if child.stdin is not None:
-        try:
-            child.stdin.write(data)
-            child.stdin.close()
-        except BrokenPipeError:
-            return
+        with suppress(BrokenPipeError):
+            child.stdin.write(data + b"\n")
+            child.stdin.flush()

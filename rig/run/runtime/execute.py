@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
+from comms.channels import MS
 from comms.clock import MonotonicClock, epoch_now_ns, new_run_clock, stopwatch_s, utc_now
 from comms.errors import CommsError
 from comms.link import LinkCount
@@ -19,6 +20,7 @@ from rig.run.runtime import bench
 from rig.run.runtime.interrupts import Interrupts
 from rig.run.runtime.processes import ProcessRunner
 from rig.run.runtime.virtual import VirtualRunner
+from rig.run.tasks import run_out
 from rig.run.tasks.controller.task import ControllerTask
 from rig.run.tasks.operator import Operator
 from rig.run.tasks.streamer import Streamer
@@ -41,7 +43,8 @@ def execute(job: Job, mode: ClockMode, folder: Path, progress: Progress) -> RunO
 
     Raises what kept the run from starting, and RunFailed for an error of the system during the run.
     """
-    operator = Operator(list(job.settings), round(job.plan.duration_s * 1e9))
+    duration_ns = round(job.plan.duration_s * 1e9)
+    operator = Operator(list(job.settings), duration_ns, _stop_ns(job))
     clock = new_run_clock()
     recorder = Recorder(
         folder / runs.LOG,
@@ -68,6 +71,10 @@ def execute(job: Job, mode: ClockMode, folder: Path, progress: Progress) -> RunO
         ended.loop_s = stopwatch_s() - began_s
         _close(recorder, ended)
     return RunOutcome(ended.code, ended.reasons, ended.notes.get("digest"), ended.loop_s)
+
+
+def _stop_ns(job: Job) -> int:
+    return run_out.duration_ns(job.settings["controller"].envelope)
 
 
 class _Ended:
@@ -160,6 +167,8 @@ def _run_wall(
             e.experiment.seed,
             dict(e.links),
             e.record.pictures_hz,
+            round(e.safety.operator_silent_ms * MS),
+            _stop_ns(job),
         )
     finally:
         ended.end_ns = clock.now_ns()

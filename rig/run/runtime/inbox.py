@@ -7,12 +7,13 @@ from typing import Any
 
 from comms.codec import decode
 from comms.frames import with_pixels
-from comms.messages import Frame, Message, Reply
+from comms.messages import Frame, Message, Reply, RobotState
 from comms.operator_bus import Hello, Record, StreamEnd, Telemetry
 from comms.records import LinkRow, TaskTiming
 from comms.task import Step
 from rig.run.recorder import Recorder
 from rig.run.runtime.channel_counts import ChannelCounts
+from rig.run.runtime.robot_watch import RobotWatch
 from rig.run.runtime.roster import Roster
 from rig.run.runtime.starvation import Starvation
 from rig.run.tasks.operator import Operator
@@ -33,6 +34,7 @@ class Inbox:
         self.roster = Roster()
         self.counts = ChannelCounts()
         self.starvation = Starvation()
+        self.robot = RobotWatch(operator)
         self._tasks = tasks
         self._session = session
         self._operator = operator
@@ -62,6 +64,7 @@ class Inbox:
 
     def _on_reply(self, task: str, reply: Reply, now_ns: int) -> None:
         self._recorder.message("reply", reply, now_ns)
+        self.robot.take_reply(reply)
         self._carry_out(self._operator.on_message("reply", reply, now_ns))
 
     def _on_record(self, task: str, content: Record, now_ns: int) -> None:
@@ -80,4 +83,6 @@ class Inbox:
             if isinstance(frame, Frame):
                 self._recorder.picture(frame, now_ns)
         elif isinstance(message, Message):
+            if isinstance(message, RobotState):
+                self.robot.take_state(message)
             self._recorder.message(telemetry.channel, message, now_ns)

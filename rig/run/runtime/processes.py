@@ -13,25 +13,28 @@ import zmq
 
 from comms.channels import MS
 from comms.clock import MonotonicClock
-from comms.ends import Wiring
+from comms.ends import ORPHAN_NS, Wiring
 from comms.link import LinkCount, LinkFaults
 from comms.messages import Command, Verb
 from comms.operator_bus import OperatorBus
 from comms.priority import drop_priority, scheduling_of, take_priority
 from comms.records import Event
 from comms.runner import START_TIMEOUT_NS
+from comms.stop_port import KEY_BYTES
 from comms.task import Step
 from rig.errors import FAULT, REFUSED, STOPPED, Refused
+from rig.run import operator_file
+from rig.run.operator_file import OperatorFile
 from rig.run.recorder import Recorder
-from rig.run.running import ADDRESS_FILE
 from rig.run.runtime.children import Children
 from rig.run.runtime.cpu_meter import CpuMeter
 from rig.run.runtime.inbox import Inbox
 from rig.run.runtime.interrupts import Interrupts
-from rig.run.runtime.ports import channel_ports
+from rig.run.runtime.ports import choose_ports
+from rig.run.runtime.terminal_requests import TerminalRequests
 from rig.run.tasks.operator import Operator, Stage
 
-HEARTBEAT_PERIOD_NS = 200 * MS
+HEARTBEAT_PERIOD_NS = 50 * MS
 PRIORITY = 5  # SCHED_FIFO of the operator, below all tasks, where it is allowed
 MAX_WAIT_MS = 40  # longest wait for a message; then signals and the clock are checked
 CHECK_PERIOD_NS = 100 * MS  # of processes, disk and progress
@@ -63,6 +66,7 @@ class ProcessRunner:
         self._children = Children(folder)
         self._inbox = Inbox(set(settings), self._session, operator, recorder, self._carry_out)
         self._roster = self._inbox.roster
+        self._requests = TerminalRequests(operator, self._inbox.robot, self._carry_out)
         self._cpu = CpuMeter(self._children)
         self._handled_interrupts = 0
         self._logged_events = 0  # events of the operator that are in the log
@@ -85,17 +89,25 @@ class ProcessRunner:
         seed: int,
         faults: dict[str, LinkFaults],
         pictures_hz: float,
+        silent_ns: int,
+        stop_ns: int,
     ) -> dict[str, LinkCount]:
         """Run until every task has exited; return the settled ledger.
 
-        Raises PortInUse before anything starts.
+        silent_ns: silence of the operator after which the tasks that move stop. stop_ns: longest
+        time of a stop. Raises PortInUse before anything starts.
         """
         context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         self._bus = OperatorBus(context, host, base_port)
         delays_ms = [fault.delay_ms + fault.jitter_ms for fault in faults.values()]
         try:
-            wiring = self._wiring(host, base_port, seed, faults, pictures_hz)
-            self._write_address()
+            wiring = msgspec.structs.replace(
+                self._wiring(host, base_port, seed, faults, pictures_hz),
+                operator_silent_ns=silent_ns,
+                orphan_ns=ORPHAN_NS + stop_ns,
+            )
+            contact = OperatorFile(wiring.commands, os.getpid(), wiring.stop_key, wiring.stop_ports)
+            contact.write(self._folder)
             self._children.start(self._settings, wiring)
             self._await_tasks()
             self._loop()
@@ -106,7 +118,7 @@ class ProcessRunner:
             raise
         finally:
             self._children.kill_running()
-            (self._folder / ADDRESS_FILE).unlink(missing_ok=True)
+            (self._folder / operator_file.NAME).unlink(missing_ok=True)
             self._bus.close()
             context.term()
         return self._inbox.counts.settle(self._recorder.counts.get("truth", 0))
@@ -119,25 +131,21 @@ class ProcessRunner:
         faults: dict[str, LinkFaults],
         pictures_hz: float,
     ) -> Wiring:
+        ports = choose_ports(host, base_port)
         return Wiring(
             session=self._session,
             seed=seed,
             zero_ns=self._clock.zero_ns,
             host=host,
-            ports=channel_ports(host, base_port),
+            ports=ports.channels,
+            stop_ports=ports.stops,
+            stop_key=secrets.token_hex(KEY_BYTES),
             commands=self._bus.commands,
             telemetry=self._bus.telemetry,
             pictures=self._bus.pictures,
             faults=faults,
             pictures_hz=pictures_hz,
         )
-
-    def _write_address(self) -> None:
-        """Write the address that `rig stop` uses; a rename makes the file appear complete."""
-        content = {"address": self._bus.commands, "pid": os.getpid()}
-        draft = self._folder / f"{ADDRESS_FILE}.new"
-        draft.write_bytes(msgspec.json.encode(content))
-        draft.rename(self._folder / ADDRESS_FILE)
 
     def _await_tasks(self) -> None:
         """Wait until the sockets of every task are open; the first heartbeat then starts them."""
@@ -146,9 +154,9 @@ class ProcessRunner:
         names = self._children.names
         while roster.present != names and self._operator.stage is Stage.CONNECTING:
             self._bus.wait(MAX_WAIT_MS)
+            self._handle_signals(self._clock.now_ns())
             self._receive()
             now_ns = self._clock.now_ns()
-            self._handle_signals(now_ns)
             self._check_exited_tasks(now_ns)
             if now_ns > until_ns:
                 return
@@ -177,43 +185,36 @@ class ProcessRunner:
 
     def _step(self) -> None:
         """Wait for messages, at most until the next wake-up; then do what is due."""
-        wait_ms = MAX_WAIT_MS
         begin_ns = self._clock.now_ns()
+        due_ns = min(begin_ns + MAX_WAIT_MS * MS, self._next_heartbeat_ns)
         if self._wake_ns is not None:
-            wait_ms = max(0, min(MAX_WAIT_MS, (self._wake_ns - begin_ns) // MS))
+            due_ns = min(due_ns, self._wake_ns)
+        wait_ms = max(0, -(-(due_ns - begin_ns) // MS))  # rounded up: never woken early
         self._bus.wait(wait_ms)
-        self._inbox.starvation.add("operator", [self._clock.now_ns() - begin_ns - wait_ms * MS])
+        now_ns = self._clock.now_ns()
+        self._inbox.starvation.add("operator", [now_ns - begin_ns - wait_ms * MS])
+        self._handle_signals(now_ns)
+        self._send_heartbeats(now_ns)
         self._receive()
         now_ns = self._clock.now_ns()
         if now_ns >= self._next_check_ns:
             self._next_check_ns = now_ns + CHECK_PERIOD_NS
-            self._send_heartbeats(now_ns)
             self._check_exited_tasks(now_ns)
             self._recorder.tick(now_ns)
             self._progress(now_ns)
-        self._handle_signals(now_ns)
         if self._wake_ns is not None and now_ns >= self._wake_ns:
             self._wake_ns = None
             self._carry_out(self._operator.on_tick(now_ns))
 
     def _receive(self) -> None:
-        """Handle everything that has arrived on the bus."""
+        """Handle what has arrived on the bus; a signal is handled before the next message."""
         for sender, content in self._bus.drain():
             now_ns = self._clock.now_ns()
+            self._handle_signals(now_ns)
             if isinstance(content, str):
-                self._answer_terminal(sender, content, now_ns)
+                self._bus.answer(sender, self._requests.answer(content, now_ns))
             else:
                 self._inbox.handle(sender.decode("ascii", "replace"), content, now_ns)
-
-    def _answer_terminal(self, client: bytes, request: str, now_ns: int) -> None:
-        """Serve `stop` and `estop` of a second terminal; name the two for any other request."""
-        if request not in ("stop", "estop"):
-            self._bus.answer(client, "understood are: stop, estop")
-            return
-        stage = self._operator.stage.value
-        code = STOPPED if request == "stop" else FAULT
-        self._carry_out(self._operator.end(f"{request} from another terminal", code, now_ns))
-        self._bus.answer(client, f"stopping, was {stage}")
 
     def _carry_out(self, step: Step) -> None:
         """Send and log what the operator returned: orders first, then the log."""

@@ -16,7 +16,7 @@ CONNECT_TIMEOUT_NS = 15_000 * MS
 ANSWER_TIMEOUT_NS = 2_000 * MS  # for arm, start, stop
 MIN_START_DELAY_NS = 500 * MS  # from the start order to t_start
 START_GRID_NS = 60 * MS  # t_start is a common multiple of all periods (5, 10, 20, 30 ms)
-REST_NS = 400 * MS  # watched after a stop: the servos settle in 60 ms
+REST_NS = 400 * MS  # watched after a stop, beside its duration: the servos settle in 60 ms
 MOVERS = ("controller", "streamer")  # a stop goes to these, and both must confirm it
 
 
@@ -40,9 +40,11 @@ class Operator:
 
     name = "operator"
 
-    def __init__(self, tasks: Sequence[str], duration_ns: int) -> None:
+    def __init__(self, tasks: Sequence[str], duration_ns: int, stop_ns: int = 0) -> None:
+        """duration_ns: time to watch from the start on. stop_ns: longest time of a stop."""
         self._tasks = tuple(tasks)
         self._duration_ns = duration_ns
+        self._stop_ns = stop_ns
         self._waiting: set[str] = set(tasks)
         self._last_refusal: dict[str, str] = {}  # by task
         self._deadline_ns = CONNECT_TIMEOUT_NS
@@ -170,7 +172,7 @@ class Operator:
         if self.t_start_ns is None or t_ns < self.t_start_ns:
             return self._close(t_ns)
         self.stage = Stage.RESTING
-        self._deadline_ns = t_ns + REST_NS
+        self._deadline_ns = t_ns + self._stop_ns + REST_NS
         return Step(wake_ns=self._deadline_ns)
 
     def _enter(self, stage: Stage, t_ns: int) -> Step:

@@ -28,6 +28,7 @@ from rig.analysis.identify.swing import initial_swing_rad
 from rig.errors import FAULT, REFUSED
 from rig.run.tasks.controller.phase import ORDERS, Trigger, next_phase, refusal
 from rig.run.tasks.pause import BUSY_HINT, PauseMeter
+from rig.run.tasks.run_out import RunOut
 from rig.run.tasks.safety import Envelope, Gate
 
 PERIOD_NS = 10 * MS
@@ -42,7 +43,7 @@ class StreamerSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
     move_ticks: tuple[int, int]  # first and last tick of the move; (0, 0) = no move
     envelope: Envelope
     angle_stale_ns: int  # 0 = no camera
-    robot_stale_ns: int = 100 * MS  # largest age of the robot state at the start
+    robot_stale_ns: int = 100 * MS  # largest age of the robot state, from the start on
     natural_frequency_rad_s: float  # of the model; for the fit of the initial swing
     initial_swing_rad: float  # largest amplitude before the move
 
@@ -55,6 +56,7 @@ class Streamer:
     def __init__(self, settings: StreamerSettings) -> None:
         self._settings = settings
         self._gate = Gate(settings.envelope)
+        self._run_out = RunOut(settings.envelope, PERIOD_NS * 1e-9, 1)
         self._phase = Phase.IDLE
         self._t_start_ns = 0
         self._seq = 0
@@ -85,7 +87,7 @@ class Streamer:
         return NO_STEP
 
     def on_tick(self, t_ns: int) -> Step:
-        """Send the reference of the newest tick that is due; after a stop repeat the last one."""
+        """Send the reference of the newest tick due; after a stop it runs out and is repeated."""
         if self._phase is not Phase.RUNNING and self._last_sent is None:
             return NO_STEP
         tick = (t_ns - self._t_start_ns) // PERIOD_NS
@@ -94,9 +96,10 @@ class Streamer:
         self.late_ticks += tick - self._tick - 1
         self._pause.tick(t_ns)
         reports = self._check(tick, t_ns) if self._phase is Phase.RUNNING else ()
+        steps = tick - self._tick
         self._tick = tick
         next_ns = self._t_start_ns + (tick + 1) * PERIOD_NS
-        return Step((*self._reference(tick, t_ns), *reports), next_ns)
+        return Step((*self._reference(tick, steps, t_ns), *reports), next_ns)
 
     def stop(self, t_ns: int) -> Step:
         """Stop sending references."""
@@ -104,7 +107,8 @@ class Streamer:
         self._last_sent = None
         return NO_STEP
 
-    def _reference(self, tick: int, t_ns: int) -> tuple[Send, ...]:
+    def _reference(self, tick: int, steps: int, t_ns: int) -> tuple[Send, ...]:
+        """Send the reference of a tick, so many steps after the one before."""
         t_target_ns = self._t_start_ns + tick * PERIOD_NS
         positions = self._settings.positions_m
         position = positions[min(tick, len(positions) - 1)]
@@ -112,8 +116,12 @@ class Streamer:
             refused = self._gate.refusal(t_target_ns, position)
             if refused is not None:
                 stopped = self._stop(f"safety gate: {refused}{self._pause.note}", FAULT, t_ns)
-                return (stopped, *self._reference(tick, t_ns))
+                return (stopped, *self._reference(tick, steps, t_ns))
             self._last_sent = position
+            self._run_out.follow(position, steps)
+        elif self._phase is Phase.STOPPED and self._last_sent is not None:
+            for _ in range(steps):
+                self._last_sent = self._run_out.next()
         if self._last_sent is None:
             return ()
         reference = Reference(
@@ -123,10 +131,12 @@ class Streamer:
         return (Send("reference", reference, t_ns),)
 
     def _check(self, tick: int, t_ns: int) -> tuple[Send, ...]:
-        """Check initial swing and age of the angle; return reports, stop where a check fails."""
+        """Check initial swing and ages of the data; return reports, stop where a check fails."""
         first, _ = self._settings.move_ticks
         reports = self._check_initial_swing(t_ns) if self._tick < first <= tick else ()
-        fault = self._stale_angle(t_ns) if self._phase is Phase.RUNNING else None
+        fault = None
+        if self._phase is Phase.RUNNING:
+            fault = self._stale_robot(t_ns) or self._stale_angle(t_ns)
         if fault is None:
             return reports
         return (*reports, self._stop(fault, FAULT, t_ns))
@@ -153,6 +163,18 @@ class Streamer:
         allowed_rad = math.ceil(swing_rad * 110) / 100
         hint = f"wait, or allow it with --set safety.initial_swing_rad={allowed_rad:.2f}"
         return (self._stop(f"{text}; {bound}: {hint}", REFUSED, t_ns),)
+
+    def _stale_robot(self, t_ns: int) -> str | None:
+        """Describe a robot state that is too old; None while it is fresh."""
+        stale_ns = self._settings.robot_stale_ns
+        age_ns = t_ns - max(self._robot_ns, self._t_start_ns)
+        if age_ns <= stale_ns:
+            return None
+        return (
+            f"no robot state for {age_ns / MS:.0f} ms; "
+            f"must be <= {stale_ns / MS:.0f} ms (safety.robot_stale_ms): "
+            f"{self._pause.cause(age_ns, 'nothing arrived from the controller')}"
+        )
 
     def _stale_angle(self, t_ns: int) -> str | None:
         """Describe a cable angle that is too old; None while it is fresh."""

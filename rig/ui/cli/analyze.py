@@ -11,7 +11,7 @@ import typer
 from comms.clock import utc_now
 from comms.errors import LogError
 from rig.analysis.analyze import RunAnalysis
-from rig.run import running
+from rig.run import operator_file
 from rig.run import runs as folders
 from rig.ui.cli import completion
 from rig.ui.cli.output import print_json, print_summary
@@ -71,7 +71,7 @@ def analyze(
 
 def _analysis(log: Path) -> RunAnalysis:
     """Analyse a log; raises LogError."""
-    started_s = running.started_s(log.parent)
+    started_s = operator_file.started_s(log.parent)
     if started_s is None:
         return RunAnalysis(log)
     running_s = max(0.0, utc_now().timestamp() - started_s)

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from rig.errors import FAULT, RigError
-from rig.run.running import RunningOperator, is_alive, operators
+from rig.errors import FAULT, OK, RigError
+from rig.run import operator_file
+from rig.run.operator_file import OperatorFile
 from rig.ui.text import without_controls
-
-ANSWER_MS = 3000
 
 
 def stop(
@@ -22,36 +23,73 @@ def stop(
     ] = False,
 ) -> int:
     """Stop every experiment that runs under RUNS: the robot first, then the log is closed."""
-    known = operators(runs)
-    alive = [operator for operator in known if is_alive(operator.pid)]
-    for operator in known:
-        if operator not in alive:
-            _remove_stale(operator)
-    if not alive:
+    running = _running(runs)
+    if not running:
         raise RigError(f"nothing is running under {runs}; name another folder with --runs")
-    code = 0
-    for operator in alive:
-        if not _stop(operator, emergency):
+    return _stop(running, "estop" if emergency else "stop")
+
+
+def _running(runs: Path) -> dict[Path, OperatorFile]:
+    """Read the files of the runs, each on its own; those of runs that have ended are removed."""
+    running: dict[Path, OperatorFile] = {}
+    for path in operator_file.find(runs):
+        try:
+            operator = operator_file.read(path)
+        except FileNotFoundError:  # the run ended meanwhile
+            continue
+        except (OSError, ValueError) as error:
+            reason = without_controls(f"{path} cannot be read, its run is not stopped ({error})")
+            print(
+                f"rig: {reason}: remove it if nothing runs there, otherwise press the emergency "
+                "stop of the robot",
+                file=sys.stderr,
+            )
+            continue
+        if operator_file.is_alive(operator.pid):
+            running[path] = operator
+        else:
+            _remove_stale(path, operator)
+    return running
+
+
+def _stop(running: Mapping[Path, OperatorFile], request: str) -> int:
+    """Send the order to all runs, then follow each; return the exit code."""
+    # sockets are needed only where something runs
+    from rig.ui.cli.stop_order import StopOrder, StopState
+
+    code = OK
+    orders: dict[str, StopOrder] = {}
+    for path, operator in running.items():
+        try:
+            orders[path.parent.name] = StopOrder(path, operator, request)
+        except ValueError as error:
+            _say(f"{path.parent.name}: {error}: press the emergency stop of the robot")
             code = FAULT
+    while orders:
+        for name, order in list(orders.items()):
+            order.follow()
+            for line in order.news:
+                _say(f"{name}: {line}")
+            order.news.clear()
+            if order.state is not StopState.PENDING:
+                del orders[name]
+            if order.state is StopState.FAILED:
+                code = FAULT
     return code
 
 
-def _stop(operator: RunningOperator, emergency: bool) -> bool:
-    from comms.operator_request import ask  # sockets are needed only where something runs
+def _remove_stale(path: Path, operator: OperatorFile) -> None:
+    """Remove the file of an operator that has exited; its tasks get the order all the same."""
+    from rig.ui.cli.stop_order import send_past_operator
 
-    answer = ask(operator.address, "estop" if emergency else "stop", ANSWER_MS)
-    _say(f"{operator.name}: {answer or 'no answer: press the emergency stop of the robot'}")
-    return answer is not None
-
-
-def _remove_stale(operator: RunningOperator) -> None:
+    send_past_operator(operator, "stop")
     _say(
-        f"{operator.name}: its operator (process {operator.pid}) has exited; "
-        "its tasks stop by themselves within two seconds"
+        f"{path.parent.name}: its operator (process {operator.pid}) has exited; "
+        "its tasks stop by themselves"
     )
-    operator.path.unlink(missing_ok=True)
+    path.unlink(missing_ok=True)
 
 
 def _say(line: str) -> None:
     """Print a line; this verb imports no console."""
-    print(without_controls(line))
+    print(without_controls(line), flush=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import msgspec
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -322,16 +323,46 @@ def test_silent_encoders_before_arming_are_no_fault() -> None:
     assert news(run(after(), range(100), encoders=False)) == []
 
 
-@pytest.mark.parametrize(("verb", "phase"), [(Verb.STOP, Phase.STOPPED), (Verb.ESTOP, Phase.FAULT)])
-def test_a_stop_in_mid_window_freezes_the_setpoint_at_once_and_for_good(
-    verb: Verb, phase: Phase
-) -> None:
+def at_speed() -> ControllerTask:
+    """Controller after two windows along X, of 0.1 and of 0.2 m/s, and half of a third."""
     controller = after(Verb.ARM, Verb.START)
-    before = xs(run(controller, range(3), lambda k: 0.056))
-    (reply,) = replies(tell(controller, order(verb), T_START_NS + 11 * MS))
-    assert (reply.ok, reply.phase) == (True, phase)
-    steps = run(controller, range(3, 100), lambda k: 0.2)
-    assert set(xs(steps)) == {before[-1]}
+    places = [0.053, 0.059, 0.065]
+    run(controller, range(15), lambda k: places[k // 6])
+    return controller
+
+
+@pytest.mark.parametrize("first", [(), (Verb.STOP,)], ids=["moving", "running_out"])
+def test_an_emergency_stop_freezes_the_setpoint_at_once_and_for_good(
+    first: tuple[Verb, ...],
+) -> None:
+    controller = at_speed()
+    for verb in first:
+        tell(controller, order(verb), T_START_NS + 71 * MS)
+    (before,) = xs(run(controller, range(15, 16), lambda k: 0.065))
+    (reply,) = replies(tell(controller, order(Verb.ESTOP), T_START_NS + 76 * MS))
+    assert (reply.ok, reply.phase) == (True, Phase.FAULT)
+    tell(controller, order(Verb.STOP), T_START_NS + 77 * MS)
+    steps = run(controller, range(16, 100), lambda k: 0.2)
+    assert set(xs(steps)) == {before}
+    assert news(steps) == []
+    states = [m for m in (s.message for s in steps[-2].sends) if isinstance(m, RobotState)]
+    assert {state.phase for state in states} == {Phase.FAULT}
+
+
+def test_a_stop_in_mid_window_runs_out_inside_the_envelope_to_a_place_that_it_keeps() -> None:
+    controller = at_speed()
+    places = xs(run(at_speed(), range(14, 15), lambda k: 0.065))[-1:]
+    (reply,) = replies(tell(controller, order(Verb.STOP), T_START_NS + 71 * MS))
+    assert (reply.ok, reply.phase) == (True, Phase.STOPPED)
+    steps = run(controller, range(15, 100), lambda k: 0.2)
+    places += xs(steps)
+    speeds = np.diff(places) / 5e-3
+    history = np.concatenate([[0.1] * 3, [0.2] * 5, speeds])
+    assert np.abs(history[6:] - history[:-6]).max() <= 5.5 * 0.03 + 1e-5
+    assert np.diff(speeds).max() <= 1e-12
+    assert speeds[0] > 0
+    assert set(places[13:]) == {places[-1]}  # within two windows
+    assert places[-1] < 0.07
     assert news(steps) == []
 
 
@@ -348,11 +379,11 @@ def test_an_emergency_stop_works_without_encoders() -> None:
     assert (reply.ok, reply.phase) == (True, Phase.FAULT)
 
 
-def test_closing_sends_nothing_and_leaves_the_robot_stopped() -> None:
+def test_closing_sends_nothing_and_references_move_the_robot_no_more() -> None:
     controller = after(Verb.ARM, Verb.START)
-    before = xs(run(controller, range(3), lambda k: 0.056))
+    run(controller, range(3), lambda k: 0.056)
     assert controller.stop(T_START_NS + 11 * MS) == NO_STEP
-    assert set(xs(run(controller, range(3, 20), lambda k: 0.2))) == {before[-1]}
+    assert max(xs(run(controller, range(3, 30), lambda k: 0.2))) <= 0.056
 
 
 @given(st.lists(st.one_of(st.none(), st.floats(-0.25, 0.25)), min_size=1, max_size=60))

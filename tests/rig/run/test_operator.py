@@ -41,8 +41,8 @@ def to_all(verb: Verb, tasks: tuple[str, ...] = TASKS) -> list[tuple[Verb, str]]
 class Hand:
     """Operator with hand-fed replies, and a run clock set by the test."""
 
-    def __init__(self, tasks: tuple[str, ...] = TASKS) -> None:
-        self.operator = Operator(tasks, DURATION_NS)
+    def __init__(self, tasks: tuple[str, ...] = TASKS, stop_ns: int = 0) -> None:
+        self.operator = Operator(tasks, DURATION_NS, stop_ns)
         self.t_ns = 0
         self.id = 0  # of the last order
 
@@ -398,3 +398,13 @@ def test_a_rig_without_vision_runs_too() -> None:
         hand.all_reply(tasks)
     assert hand.operator.stage is Stage.RUNNING
     assert hand.operator.stop(0) == NO_STEP
+
+
+def test_after_a_stop_the_run_is_closed_only_when_the_robot_had_the_time_to_run_out() -> None:
+    hand = Hand(stop_ns=700 * MS).until(Stage.RUNNING)
+    hand.t_ns = stopped_ns = (hand.operator.t_start_ns or 0) + 100 * MS
+    hand.do(hand.operator.end("stop", 4, stopped_ns))
+    hand.all_reply(MOVERS)
+    assert hand.operator.stage is Stage.RESTING
+    assert said(hand.tick(stopped_ns + 1_099 * MS)) == []
+    assert said(hand.tick(stopped_ns + 1_100 * MS)) == to_all(Verb.CLOSE)

@@ -108,8 +108,10 @@ def test_the_streamer_plays_the_plan_on_its_grid():
     streamer.on_message("command", order(Verb.START, "streamer", 0, 60 * MS), 0)
     t_ns = 60 * MS + 1_000 * MS  # 0.4 s into the move
     for k in range(100):
-        streamer.on_message("angle", seen(k, 60 * MS + k * 10 * MS), 60 * MS + k * 10 * MS)
-        streamer.on_tick(60 * MS + k * 10 * MS)
+        tick_ns = 60 * MS + k * 10 * MS
+        streamer.on_message("angle", seen(k, tick_ns), tick_ns)
+        streamer.on_message("robot_state", resting(k + 1, tick_ns), tick_ns)
+        streamer.on_tick(tick_ns)
     (reference,) = sent(streamer.on_tick(t_ns), "reference")
     assert reference.t_target_ns == t_ns
     assert reference.position_m[0] == pytest.approx(float(plan.motion.x.at(0.4)), abs=1e-12)

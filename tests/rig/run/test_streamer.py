@@ -121,9 +121,15 @@ def arm_and_start(streamer: Streamer) -> Streamer:
     return streamer
 
 
+def tick(streamer: Streamer, t_ns: int) -> Step:
+    """Tick of a streamer that has a fresh robot state."""
+    tell(streamer, robot_at(0.0, t_ns), t_ns)
+    return streamer.on_tick(t_ns)
+
+
 def play(streamer: Streamer, ticks: range, late_ns: int = 0) -> list[Step]:
     """Ticks from t_start on, each woken late."""
-    return [streamer.on_tick(T_START_NS + k * PERIOD_NS + late_ns) for k in ticks]
+    return [tick(streamer, T_START_NS + k * PERIOD_NS + late_ns) for k in ticks]
 
 
 def see(streamer: Streamer, ticks: range, amplitude_rad: float) -> list[Step]:
@@ -134,7 +140,7 @@ def see(streamer: Streamer, ticks: range, amplitude_rad: float) -> list[Step]:
         if k % 2 == 0:
             sample = angle(t_ns, amplitude_rad * math.sin(OMEGA_RAD_S * (t_ns - 35 * MS) * 1e-9))
             tell(streamer, sample, t_ns)
-        steps.append(streamer.on_tick(t_ns))
+        steps.append(tick(streamer, t_ns))
     return steps
 
 
@@ -319,15 +325,35 @@ def test_an_arm_order_while_running_does_not_interrupt_the_plan() -> None:
     assert references(play(streamer, range(5, 6))[0])[0].position_m == PLAN[5]
 
 
-@pytest.mark.parametrize(("verb", "phase"), [(Verb.STOP, Phase.STOPPED), (Verb.ESTOP, Phase.FAULT)])
-def test_a_stop_in_mid_move_holds_the_last_position_for_good(verb: Verb, phase: Phase) -> None:
+def test_an_emergency_stop_in_mid_move_holds_the_last_position_for_good() -> None:
     streamer, middle = started(), QUIET_TICKS + 40
     play(streamer, range(middle + 1))
-    (reply,) = replies(tell(streamer, order(verb), T_START_NS + middle * PERIOD_NS + 1))
-    assert (reply.ok, reply.phase) == (True, phase)
+    (reply,) = replies(tell(streamer, order(Verb.ESTOP), T_START_NS + middle * PERIOD_NS + 1))
+    assert (reply.ok, reply.phase) == (True, Phase.FAULT)
     for step in play(streamer, range(middle + 1, middle + 300)):
         assert [r.position_m for r in references(step)] == [PLAN[middle]]
         assert replies(step) == []
+
+
+def runs_out(steps: list[Step], before: list[Position]) -> None:
+    """Check references after a stop: they decelerate inside the envelope and then stay."""
+    after = [r.position_m for step in steps for r in references(step)]
+    x = np.array([*before[-2:], *after])[:, 0]
+    acceleration_m_s2 = np.diff(x, 2) / 1e-4
+    assert np.abs(acceleration_m_s2).max() <= 5.5 + 1e-3
+    assert acceleration_m_s2.max() <= 1e-9  # never faster again
+    assert len(after) == len(steps)
+    assert len(set(after[5:])) == 1  # 0.23 m/s take 43 ms
+
+
+def test_a_stop_in_mid_move_runs_out_and_holds_its_place_for_good() -> None:
+    streamer, middle = started(), QUIET_TICKS + 40
+    play(streamer, range(middle + 1))
+    (reply,) = replies(tell(streamer, order(Verb.STOP), T_START_NS + middle * PERIOD_NS + 1))
+    assert (reply.ok, reply.phase) == (True, Phase.STOPPED)
+    steps = play(streamer, range(middle + 1, middle + 300))
+    runs_out(steps, PLAN[: middle + 1])
+    assert [r for step in steps for r in replies(step)] == []
 
 
 def test_held_references_still_carry_new_counts_and_target_times() -> None:
@@ -372,12 +398,14 @@ def test_the_streamer_is_not_ready_before_it_knows_where_the_robot_stands() -> N
     assert "no robot state has arrived" in early.text
 
 
-def test_a_plan_that_jumps_is_stopped_before_the_jump_and_the_place_before_it_is_held() -> None:
-    plan = [*PLAN[: QUIET_TICKS + 40], (0.2, 0.0, 0.0), (0.2, 0.0, 0.0)]
+def test_a_plan_that_jumps_is_stopped_before_the_jump_and_runs_out() -> None:
+    jump = QUIET_TICKS + 40
+    plan = [*PLAN[:jump], (0.2, 0.0, 0.0), (0.2, 0.0, 0.0)]
     streamer = started(msgspec.structs.replace(SETTINGS, positions_m=plan))
-    steps = play(streamer, range(QUIET_TICKS + 45))
+    steps = play(streamer, range(jump + 45))
     sent = [r.position_m for step in steps for r in references(step)]
-    assert sent == PLAN[: QUIET_TICKS + 40] + [PLAN[QUIET_TICKS + 39]] * 5
+    assert sent[:jump] == PLAN[:jump]
+    runs_out(steps[jump:], PLAN[:jump])
     (news,) = [r for step in steps for r in replies(step)]
     assert (news.id, news.ok, news.exit, news.phase) == (0, False, 5, Phase.STOPPED)
     assert news.text.startswith("safety gate: speed")
@@ -489,9 +517,7 @@ def test_a_stale_angle_stops_the_move_with_exit_5_at_the_first_tick_beyond_the_b
     assert news.text.startswith(
         "no valid cable angle for 310 ms; must be <= 300 ms (no picture arrived): check camera"
     )
-    assert {r.position_m for step in steps[k - seen - 1 :] for r in references(step)} == {
-        PLAN[seen + 30]
-    }
+    runs_out(steps[k - seen - 1 :], PLAN[: seen + 31])
 
 
 def test_pictures_without_a_cable_do_not_count_and_their_reason_is_reported() -> None:
@@ -535,6 +561,26 @@ def test_missing_angles_are_detected_from_t_start_on() -> None:
     assert (news.exit, news.phase) == (5, Phase.STOPPED)
     assert "no valid cable angle for 310 ms" in news.text
     assert "no picture arrived" in news.text
+
+
+def test_a_silent_controller_stops_the_move_at_the_first_tick_beyond_the_bound() -> None:
+    streamer, middle = started(), QUIET_TICKS + 40
+    play(streamer, range(middle + 1))
+    ticks = range(middle + 1, middle + 60)
+    steps = [streamer.on_tick(T_START_NS + k * PERIOD_NS) for k in ticks]
+    ((k, news),) = [(k, r) for k, step in zip(ticks, steps, strict=True) for r in replies(step)]
+    assert k == middle + 11  # 110 ms after the last robot state; 100 ms are still good
+    assert (news.ok, news.exit, news.phase) == (False, 5, Phase.STOPPED)
+    assert news.text == (
+        "no robot state for 110 ms; must be <= 100 ms (safety.robot_stale_ms): "
+        "nothing arrived from the controller"
+    )
+
+
+def test_a_robot_state_is_missed_from_t_start_on() -> None:
+    streamer = started()  # its only robot state arrived 510 ms before
+    steps = [streamer.on_tick(T_START_NS + k * PERIOD_NS) for k in range(12)]
+    assert [len(replies(step)) for step in steps] == [0] * 11 + [1]
 
 
 def test_settings_travel_as_json_and_a_position_counts_as_three_numbers() -> None:

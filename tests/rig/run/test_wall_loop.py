@@ -1,6 +1,7 @@
 """The same tasks as processes over real sockets. No duration is asserted."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -21,6 +22,7 @@ pytestmark = pytest.mark.xdist_group("wall")  # one rig at a time: five processe
 PATIENT = [
     "safety.robot_stale_ms=5000",
     "safety.reference_stale_ms=5000",
+    "safety.operator_silent_ms=5000",
 ]  # a busy machine is no fault of the rig's
 BRIEF = [
     "experiment.quiet_s=0.3",
@@ -142,10 +144,34 @@ def test_rig_stop_from_a_second_terminal_stops_the_run(tmp_path):
     wait_for_the_start(run, tmp_path)
     stop = [sys.executable, "-P", "-m", "rig.ui.cli.entry", "stop", "--runs", str(tmp_path)]
     stopped = subprocess.run(stop, capture_output=True, text=True, timeout=30, check=False)
-    assert (stopped.returncode, "stopping" in stopped.stdout) == (0, True)
+    assert (stopped.returncode, stopped.stderr) == (0, "")
+    ordered, at_rest = stopped.stdout.splitlines()
+    assert ordered.endswith(": ordered, was running")
+    assert re.search(r": stopped after \d+ ms$", at_rest)
     code, said = ended(run)
     assert (code, said["exit_status"]) == (4, "stopped")
     assert said["reasons"][0] == "stop from another terminal"
+
+
+def test_rig_stop_stops_the_robot_past_an_operator_that_does_not_run(tmp_path):
+    run = start_a_run(tmp_path)
+    wait_for_the_start(run, tmp_path)
+    run.send_signal(signal.SIGSTOP)
+    stop = [sys.executable, "-P", "-m", "rig.ui.cli.entry", "stop", "--runs", str(tmp_path)]
+    stopped = subprocess.run(stop, capture_output=True, text=True, timeout=30, check=False)
+    run.send_signal(signal.SIGCONT)
+    assert stopped.returncode == 5
+    assert "ordered at controller and streamer" in stopped.stdout
+    code, said = ended(run)
+    assert (code, said["exit_status"]) == (4, "stopped")
+    replies = [
+        entry.data for entry in RunAnalysis(Path(said["run_dir"]) / LOG).run.log.topics["/reply"]
+    ]
+    reports = [msgspec.json.decode(data) for data in replies if b"past the operator" in data]
+    assert {(report["sender"], report["phase"]) for report in reports} == {
+        ("controller", "stopped"),
+        ("streamer", "stopped"),
+    }
 
 
 def test_a_killed_task_ends_the_run_as_a_fault_that_names_it_and_the_log_is_kept(
@@ -185,10 +211,13 @@ def test_a_run_killed_outright_leaves_a_log_that_can_be_read_and_no_task_behind(
     assert any("incomplete" in reason for reason in analysis.summary.reasons)
     for pid in children:
         wait_until_gone(pid)
+    for task in ("controller", "streamer"):  # by the end of their input, not by a silence
+        said = (log.parent / f"{task}.log").read_text()
+        assert f"{task}: the process of the operator has exited" in said
 
 
 def wait_until_gone(pid: int) -> None:
-    """Wait for the exit of a task whose operator has been silent for 3 s."""
+    """Wait for the exit of a task whose operator has exited."""
     descriptor = os.pidfd_open(pid) if Path(f"/proc/{pid}").exists() else None
     if descriptor is None:
         return

@@ -8,7 +8,7 @@ import subprocess
 import msgspec
 import pytest
 
-from rig.run.running import ADDRESS_FILE
+from rig.run.operator_file import NAME as ADDRESS_FILE
 from rig.run.runs import LOG
 
 BRIEF = ["experiment.quiet_s=0.6", "experiment.watch_s=2.5"]

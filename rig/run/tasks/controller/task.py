@@ -14,8 +14,9 @@ from rig.run.tasks.controller.following import FollowingWatch
 from rig.run.tasks.controller.interpolator import POLICIES, Interpolator, PolicySettings
 from rig.run.tasks.controller.phase import ORDERS, Trigger, next_phase, refusal
 from rig.run.tasks.controller.setpoint_gate import SetpointGate
-from rig.run.tasks.grid import TICK_NS
+from rig.run.tasks.grid import TICK_NS, TICK_S, TICKS, slowed_by_pause
 from rig.run.tasks.pause import PauseMeter
+from rig.run.tasks.run_out import RunOut
 from rig.run.tasks.safety import Envelope
 
 TICKS_PER_STATE = 2  # setpoints at 200 Hz, state at 100 Hz
@@ -40,7 +41,10 @@ class ControllerSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
 
 
 class ControllerTask:
-    """Sans-IO task `controller`; outside RUNNING the setpoint is held."""
+    """Sans-IO task `controller`.
+
+    Outside RUNNING the setpoint is held; a controlled stop lets it run out to rest before.
+    """
 
     name = "controller"
 
@@ -55,6 +59,7 @@ class ControllerTask:
         self._following = FollowingWatch(
             settings.servo_lag_ns, settings.following_error_m, settings.following_error_ns
         )
+        self._run_out = RunOut(settings.envelope, TICK_S, TICKS)
         self._t_start_ns = 0
         self._setpoint: Position | None = None
         self._seq = 0
@@ -82,8 +87,11 @@ class ControllerTask:
     def on_tick(self, t_ns: int) -> Step:
         """Send the setpoint of the newest grid instant due, and the state at every second one."""
         tick = t_ns // TICK_NS
-        self.late_ticks += tick - self._tick
+        skipped = tick - self._tick
+        self.late_ticks += skipped
         self._tick = tick + 1
+        if skipped > 0:
+            self._run_out.slow_down(slowed_by_pause(skipped))
         self._pause.tick(t_ns)
         faults = self._check_ages(t_ns) or self._check_following(t_ns)
         sends = (*self._next_setpoint(tick * TICK_NS, t_ns), *faults)
@@ -100,6 +108,10 @@ class ControllerTask:
         if self._setpoint is None:
             return ()
         reports = self._advance(grid_ns, t_ns)
+        if self._phase is Phase.STOPPED:
+            self._setpoint = self._run_out.next() or self._setpoint
+        else:
+            self._run_out.follow(self._setpoint)
         message = Setpoint(seq=self._seq, t_ns=t_ns, position_m=self._setpoint)
         self._seq += 1
         self._following.add_setpoint(t_ns, self._setpoint)
