@@ -23,7 +23,12 @@ from comms.messages import (
     Verb,
 )
 from comms.task import NO_STEP, Step
-from rig.run.tasks.controller.task import ControllerSettings, ControllerTask, build
+from rig.run.tasks.controller.task import (
+    DEFAULT_ENVELOPE,
+    ControllerSettings,
+    ControllerTask,
+    build,
+)
 from rig.run.tasks.safety import Envelope
 
 MS = 1_000_000
@@ -74,9 +79,9 @@ def setpoints(step: Step) -> list[Setpoint]:
     return [send.message for send in step.sends if isinstance(send.message, Setpoint)]
 
 
-def after(*verbs: Verb) -> ControllerTask:
+def after(*verbs: Verb, envelope: Envelope = NO_BOUNDS) -> ControllerTask:
     """Controller with a joint state, after these orders at 600 ms, t_start."""
-    settings = ControllerSettings(reference_stale_ns=STALE_NS, policy="source", envelope=NO_BOUNDS)
+    settings = ControllerSettings(reference_stale_ns=STALE_NS, policy="source", envelope=envelope)
     controller = ControllerTask(settings)
     controller.start(T_START_NS - TICK_NS)
     tell(controller, joints(T_START_NS), T_START_NS)
@@ -325,7 +330,7 @@ def test_silent_encoders_before_arming_are_no_fault() -> None:
 
 def at_speed() -> ControllerTask:
     """Controller after two windows along X, of 0.1 and of 0.2 m/s, and half of a third."""
-    controller = after(Verb.ARM, Verb.START)
+    controller = after(Verb.ARM, Verb.START, envelope=DEFAULT_ENVELOPE)
     places = [0.053, 0.059, 0.065]
     run(controller, range(15), lambda k: places[k // 6])
     return controller

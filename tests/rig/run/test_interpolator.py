@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from comms.messages import Position, Reference
-from rig.run.tasks.controller.interpolator import Interpolator, Source
+from rig.run.tasks.controller.interpolator import Interpolator, SourceHold
 from rig.run.tasks.grid import TICK_NS, TICKS, WINDOW_NS
 
 MS = 1_000_000
@@ -43,23 +43,23 @@ def test_a_window_is_six_ticks_of_five_milliseconds() -> None:
 
 
 def test_a_goal_is_reached_in_six_even_steps() -> None:
-    got = run(Source(T_START_NS, HOME), ticks(0, 5), at(0.006))
+    got = run(SourceHold(T_START_NS, HOME), ticks(0, 5), at(0.006))
     np.testing.assert_allclose(got, [0.001, 0.002, 0.003, 0.004, 0.005, 0.006], rtol=1e-12)
 
 
 def test_every_axis_moves_on_its_own() -> None:
-    interpolator = Source(T_START_NS, (1.0, 2.0, 3.0))
+    interpolator = SourceHold(T_START_NS, (1.0, 2.0, 3.0))
     got = [interpolator.setpoint(t, reference((1.6, 1.4, 2.4))) for t in ticks(0, 5)]
     np.testing.assert_allclose(got[2], (1.3, 1.7, 2.7), rtol=1e-12)
     np.testing.assert_allclose(got[5], (1.6, 1.4, 2.4), rtol=1e-12)
 
 
 def test_without_any_reference_it_stays_where_it_was_armed() -> None:
-    assert run(Source(T_START_NS, at(0.1)), ticks(0, 20), None) == [pytest.approx(0.1)] * 21
+    assert run(SourceHold(T_START_NS, at(0.1)), ticks(0, 20), None) == [pytest.approx(0.1)] * 21
 
 
 def test_a_reference_that_comes_inside_a_window_waits_for_the_next() -> None:
-    interpolator = Source(T_START_NS, HOME)
+    interpolator = SourceHold(T_START_NS, HOME)
     before = run(interpolator, ticks(0, 0), at(0.006)) + run(interpolator, ticks(1, 5), at(0.1))
     np.testing.assert_allclose(before, [0.001, 0.002, 0.003, 0.004, 0.005, 0.006], rtol=1e-12)
     np.testing.assert_allclose(run(interpolator, ticks(6, 11), at(0.1))[-1], 0.1, rtol=1e-12)
@@ -67,13 +67,13 @@ def test_a_reference_that_comes_inside_a_window_waits_for_the_next() -> None:
 
 def test_windows_count_from_t_start_not_from_the_run_clock() -> None:
     t_start_ns = T_START_NS + 10 * MS
-    interpolator = Source(t_start_ns, HOME)
+    interpolator = SourceHold(t_start_ns, HOME)
     got = run(interpolator, [t_start_ns + k * TICK_NS for k in range(6)], at(0.006))
     np.testing.assert_allclose(got, [0.001, 0.002, 0.003, 0.004, 0.005, 0.006], rtol=1e-12)
 
 
 def test_of_three_references_in_a_window_only_the_newest_becomes_the_goal() -> None:
-    interpolator = Source(T_START_NS, HOME)
+    interpolator = SourceHold(T_START_NS, HOME)
     run(interpolator, ticks(0, 5), HOME)
     for newest in (at(0.01), at(0.02)):  # both superseded before the next window latches
         run(interpolator, ticks(5, 5), newest)
@@ -84,7 +84,7 @@ def test_of_three_references_in_a_window_only_the_newest_becomes_the_goal() -> N
 
 def test_a_dropout_of_100_ms_holds_and_then_catches_up_in_one_window() -> None:
     """Windows at 30, 60, 90, 120 ms find nothing newer; the late reference is taken at 150 ms."""
-    interpolator = Source(T_START_NS, HOME)
+    interpolator = SourceHold(T_START_NS, HOME)
     run(interpolator, ticks(0, 5), at(0.006))
     held = run(interpolator, ticks(6, 29), at(0.006))
     np.testing.assert_allclose(held, 0.006, rtol=1e-12)
@@ -94,14 +94,14 @@ def test_a_dropout_of_100_ms_holds_and_then_catches_up_in_one_window() -> None:
 
 
 def test_skipped_ticks_leave_the_later_setpoints_as_they_were() -> None:
-    whole, late = Source(T_START_NS, HOME), Source(T_START_NS, HOME)
+    whole, late = SourceHold(T_START_NS, HOME), SourceHold(T_START_NS, HOME)
     expected = run(whole, ticks(0, 11), at(0.06))
     run(late, ticks(0, 1), at(0.06))
     assert run(late, ticks(4, 11), at(0.06)) == expected[4:]
 
 
 def test_a_skipped_window_start_still_latches_at_the_next_tick() -> None:
-    interpolator = Source(T_START_NS, HOME)
+    interpolator = SourceHold(T_START_NS, HOME)
     run(interpolator, ticks(0, 4), at(0.006))
     np.testing.assert_allclose(run(interpolator, ticks(8, 8), at(0.012)), [0.009], rtol=1e-12)
 
@@ -110,7 +110,7 @@ def test_a_skipped_window_start_still_latches_at_the_next_tick() -> None:
 def test_setpoints_never_leave_the_span_of_the_references_and_never_step_more_than_a_sixth(
     goals: list[float],
 ) -> None:
-    interpolator = Source(T_START_NS, HOME)
+    interpolator = SourceHold(T_START_NS, HOME)
     reached = 0.0
     for window, goal in enumerate(goals):
         got = run(interpolator, ticks(6 * window, 6 * window + 5), at(goal))

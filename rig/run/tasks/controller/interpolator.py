@@ -28,7 +28,7 @@ class Interpolator(Protocol):
         """Compute the setpoint of the tick due at t_ns; newest: newest accepted reference."""
 
 
-class Source:
+class SourceHold:
     """Linear interpolation from goal to goal on the tick grid of t_start_ns."""
 
     def __init__(self, t_start_ns: int, position_m: Position) -> None:
@@ -56,7 +56,7 @@ class PolicySettings(NamedTuple):
 
 
 def _source(t_start_ns: int, position_m: Position, settings: PolicySettings) -> Interpolator:
-    return Source(t_start_ns, position_m)
+    return SourceHold(t_start_ns, position_m)
 
 
 def _bounded(t_start_ns: int, position_m: Position, settings: PolicySettings) -> Interpolator:
