@@ -31,6 +31,7 @@ ENVELOPE = Envelope(
     speed_m_s=SPEED_M_S,
     acceleration_m_s2=ACCELERATION_M_S2,
 )
+BRAKING_M = 0.03  # way from 0.5 m/s at the acceleration bound, and a window more
 FloatArray = npt.NDArray[np.float64]
 
 
@@ -49,6 +50,14 @@ def is_inside(places: list[Position]) -> bool:
     """Whether the gate of the streamer lets the plan pass."""
     gate = Gate(ENVELOPE)
     return all(gate.refusal(k * 10 * MS, place) is None for k, place in enumerate(places))
+
+
+def has_room_to_brake(places: list[Position]) -> bool:
+    """Whether a plan stays so far from the ends of the workspace that a hole can be braked there.
+
+    Nearer, the gate ends the run in a fault and the setpoint stands at once.
+    """
+    return all(abs(x) <= ENVELOPE.position_max_m - BRAKING_M for x, _, _ in places)
 
 
 class Fate:
@@ -137,7 +146,7 @@ plans = st.builds(
 
 
 @settings(max_examples=300, deadline=None)
-@given(plans, fates, st.sampled_from(["bounded", "buffer"]))
+@given(plans.filter(has_room_to_brake), fates, st.sampled_from(["bounded", "buffer"]))
 def test_whatever_is_lost_late_doubled_reordered_or_paused_setpoints_keep_the_envelope(
     places: list[Position], fate: Fate, policy: str
 ) -> None:
@@ -146,6 +155,16 @@ def test_whatever_is_lost_late_doubled_reordered_or_paused_setpoints_keep_the_en
     assert speed_m_s <= SPEED_M_S + 1e-5
     assert acceleration_m_s2 <= ACCELERATION_M_S2 + 1e-3
     assert reports == []
+
+
+@settings(max_examples=100, deadline=None)
+@given(plans, fates, st.sampled_from(["bounded", "buffer"]))
+def test_no_setpoint_leaves_the_workspace_and_a_fault_names_the_bound(
+    places: list[Position], fate: Fate, policy: str
+) -> None:
+    sent, reports = sent_ticks(places, fate, policy)
+    assert max(abs(x) for x, _, _ in sent.values()) <= ENVELOPE.position_max_m + 2e-9
+    assert all("must be -0.25 to 0.25 m; the robot holds" in r.text for r in reports)
 
 
 @settings(max_examples=60, deadline=None)
