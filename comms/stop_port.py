@@ -9,12 +9,10 @@ import hmac
 import socket
 from contextlib import suppress
 
-from comms.errors import PortInUse
+from comms.udp import UdpReceiver
 
 HOST = "127.0.0.1"  # whatever the data channels use
 KEY_BYTES = 16
-DRAIN_LIMIT = 64  # datagrams a call
-MAX_BYTES = 64
 REQUESTS = {"stop": 4, "estop": 5}  # exit code of the run
 
 
@@ -27,39 +25,25 @@ class StopPort:
             raise ValueError(f"stop key of {len(key)} bytes; must be {KEY_BYTES} bytes")
         self._orders = {key + request.encode(): request for request in REQUESTS}
         self.ignored = 0
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.setblocking(False)
-        try:
-            self._socket.bind((HOST, port))
-        except OSError as error:
-            self._socket.close()
-            raise PortInUse(
-                f"UDP port {port} on {HOST} for stop orders: {error.strerror}; "
-                "stop the process that uses it, or set network.base_port to another range "
-                "(0 = free ports)"
-            ) from error
+        self._receiver = UdpReceiver(HOST, port, "stop")
 
     @property
     def port(self) -> int:
         """Bound port; the free one chosen by the system if 0 was requested."""
-        return int(self._socket.getsockname()[1])
+        return self._receiver.port
 
     def fileno(self) -> int:
         """Return the descriptor, for select."""
-        return self._socket.fileno()
+        return self._receiver.fileno()
 
     def has_pending(self) -> bool:
         """Tell if datagrams wait that select does not announce: none do."""
-        return False
+        return self._receiver.has_pending()
 
     def drain(self) -> list[str]:
-        """Read at most DRAIN_LIMIT datagrams; return the stop requests among them."""
+        """Read a bounded number of datagrams; return the stop requests among them."""
         requests: list[str] = []
-        for _ in range(DRAIN_LIMIT):
-            try:
-                data = self._socket.recv(MAX_BYTES)
-            except OSError:
-                break
+        for data in self._receiver.drain():
             request = self._request(data)
             if request is None:
                 self.ignored += 1
@@ -69,7 +53,7 @@ class StopPort:
 
     def close(self) -> None:
         """Close the socket and free the port."""
-        self._socket.close()
+        self._receiver.close()
 
     def _request(self, data: bytes) -> str | None:
         """Compare a datagram with the two orders, in a time that does not depend on the key."""

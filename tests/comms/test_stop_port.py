@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from comms import stop_port
+from comms import udp
 from comms.errors import PortInUse
 from comms.stop_port import HOST, KEY_BYTES, StopPort, send_stop
 
@@ -71,7 +71,7 @@ def test_no_datagram_of_a_stranger_is_taken_for_an_order(port: StopPort, data: l
 def test_a_drain_reads_a_bounded_number_of_datagrams(
     port: StopPort, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(stop_port, "DRAIN_LIMIT", 2)
+    monkeypatch.setattr(udp, "DRAIN_LIMIT", 2)
     for _ in range(3):
         send_stop(port.port, KEY, "stop")
     assert len(port.drain()) <= 2
