@@ -14,6 +14,7 @@ from rig.analysis.analyze import RunAnalysis
 from rig.run import operator_file
 from rig.run import runs as folders
 from rig.ui.cli import completion
+from rig.ui.cli.common_options import AsJson
 from rig.ui.cli.output import print_json, print_summary
 from rig.ui.cli.page import print_whole, print_written
 
@@ -34,9 +35,7 @@ def analyze(
             help="CSV file of the swing: t_s, angle_rad, sigma_rad, fit_rad, truth_rad.",
         ),
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")
-    ] = False,
+    as_json: AsJson = False,
     report: Annotated[
         bool, typer.Option("--report", help="Rewrite report.html beside the log.")
     ] = False,

@@ -18,6 +18,7 @@ from rig.run.calibration import tour as calibration_run
 from rig.run.runs import LOG
 from rig.run.tasks.operator import Operator
 from rig.ui.cli import completion
+from rig.ui.cli.common_options import AsJson, ImageSeed, Overrides
 from rig.ui.cli.output import print_json
 from rig.ui.cli.page import boxed_table, err, print_paragraph, print_table, print_whole
 
@@ -49,16 +50,9 @@ def offsets(
             autocompletion=completion.experiments,
         ),
     ] = "move",
-    seed: Annotated[
-        int | None, typer.Option(help="Seed of the image noise; the experiment's by default.")
-    ] = None,
-    overrides: Annotated[
-        list[str] | None,
-        typer.Option("--set", help="New value of a key, section.key=value; repeatable."),
-    ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")
-    ] = False,
+    seed: ImageSeed = None,
+    overrides: Overrides = None,
+    as_json: AsJson = False,
     runs: Annotated[Path, typer.Option(help="Folder in which the run folders are created.")] = Path(
         "runs"
     ),

@@ -16,6 +16,7 @@ from rig.studies.thesis_tables import table as tables
 from rig.studies.thesis_tables.published import TABLES
 from rig.studies.thesis_tables.table import RowComparison, tolerance
 from rig.ui.cli import compare_tables
+from rig.ui.cli.common_options import AsJson
 from rig.ui.cli.output import print_json, working
 from rig.ui.cli.page import print_whole, print_written
 from rig.ui.plots.picture_file import check_folder
@@ -38,9 +39,7 @@ def compare(
         Path | None,
         typer.Option(help="Figure file of sensitivity; sensitivity.svg by default."),
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Compare published figures with ours: in the definitions of the source, and exact.
 

@@ -11,6 +11,7 @@ from rich.text import Text
 from rig.errors import REFUSED, ConfigError
 from rig.run.config import NetworkSection
 from rig.run.doctor import examine
+from rig.ui.cli.common_options import AsJson
 from rig.ui.cli.output import print_json
 from rig.ui.cli.page import Column, boxed_table, err, print_paragraph, print_table
 
@@ -23,9 +24,7 @@ def doctor(
         "runs"
     ),
     base_port: Annotated[int, typer.Option(help="First port to check; 0: any free ports.")] = 0,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Check ports, disk, versions, timer and imported packages.
 

@@ -21,6 +21,7 @@ from rig.run.units import CABLE, suspect
 from rig.studies.laws_under_limits import DERIVATIVE_NAMES, LawMove, law_move, period_s
 from rig.studies.published_laws import FIGURES, PUBLISHED, wrong_figures
 from rig.ui.cli import completion
+from rig.ui.cli.common_options import AsJson
 from rig.ui.cli.output import print_json, working
 from rig.ui.cli.page import (
     Column,
@@ -74,7 +75,6 @@ MOVES_LEGEND = (
 )
 
 app = typer.Typer(invoke_without_command=True)
-Json = Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")]
 
 
 @app.callback(invoke_without_command=True)
@@ -83,7 +83,7 @@ def laws(
     published: Annotated[
         bool, typer.Option("--published", help="Compare with the figures printed in source 000.")
     ] = False,
-    as_json: Json = False,
+    as_json: AsJson = False,
 ) -> int:
     """List motion laws: continuity, peak and rms coefficients, zero-residual durations.
 
@@ -125,7 +125,7 @@ def compare(
     load_length: Annotated[
         float, typer.Option(help="Cable length of the load \\[m].")
     ] = ModelSection().cable_m,
-    as_json: Json = False,
+    as_json: AsJson = False,
 ) -> int:
     """Compare the minimum time, peaks and residual swing of every law under limits."""
     limits = (vmax, amax, math.inf if jmax is None else jmax, math.inf if smax is None else smax)
@@ -173,7 +173,7 @@ def plot(
     path: Annotated[Path, typer.Option("--plot", help="Figure file: .svg, .png or .pdf.")] = Path(
         "laws.svg"
     ),
-    as_json: Json = False,
+    as_json: AsJson = False,
 ) -> int:
     """Draw position, speed, acceleration, jerk and acceleration spectrum of laws."""
     chosen = list(dict.fromkeys(names or LAWS))

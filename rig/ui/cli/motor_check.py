@@ -14,6 +14,7 @@ from rig.run.toml_file import read_toml
 from rig.run.units import TURN, suspect
 from rig.studies.sizing.motor_task import EXAMPLES, example_tables, task_of
 from rig.ui.cli import completion, motor_check_tables
+from rig.ui.cli.common_options import AsJson
 from rig.ui.cli.output import print_json
 from rig.ui.cli.page import print_written
 
@@ -103,9 +104,7 @@ def motor_check(
         Path | None,
         typer.Option(help="Figure file of the torque-speed plane: .svg, .png or .pdf."),
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Check peak torque, rms torque, speed and power of a motor that repeats a motion.
 

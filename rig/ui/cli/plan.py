@@ -17,6 +17,7 @@ from rig.run.config import LimitsSection, ModelSection
 from rig.run.load_model import build_model
 from rig.run.units import CABLE, MOVE, SWING, key_unit, suspect
 from rig.ui.cli import completion, plan_tables
+from rig.ui.cli.common_options import AsJson
 from rig.ui.cli.output import print_json
 from rig.ui.cli.page import print_paragraph, print_table, print_written
 from rig.ui.plots import picture_file
@@ -129,9 +130,7 @@ def plan(
     plot: Annotated[
         Path | None, typer.Option(help="Figure file of move and swing: .svg, .png or .pdf.")
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Plan a move along X and predict its peak demand and residual swing.
 

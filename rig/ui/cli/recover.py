@@ -13,6 +13,7 @@ from comms.log_scan import Recovery
 from rig.errors import OK
 from rig.run.runs import find_log
 from rig.ui.cli import completion
+from rig.ui.cli.common_options import AsJson
 from rig.ui.cli.output import print_json
 from rig.ui.cli.page import print_paragraph, print_written
 
@@ -27,9 +28,7 @@ def recover_log(
         ),
     ],
     target: Annotated[Path, typer.Argument(metavar="OUT", help="File to write, .mcap.")],
-    as_json: Annotated[
-        bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")
-    ] = False,
+    as_json: AsJson = False,
     runs: Annotated[Path, typer.Option(help="Folder of the run folders.")] = Path("runs"),
 ) -> int:
     """Write the intact records of a damaged MCAP file to a complete one, and verify it."""

@@ -26,6 +26,7 @@ from rig.run.runtime.execute import ClockMode
 from rig.run.tasks.operator import Operator
 from rig.run.tasks.pause import BUSY_HINT
 from rig.ui.cli import completion, planner_comparison
+from rig.ui.cli.common_options import AsJson, Overrides
 from rig.ui.cli.output import print_conclusion, print_json, print_summary, working
 from rig.ui.cli.page import err, print_paragraph, print_table, print_whole
 from rig.ui.cli.planner_comparison import NotRun, Result
@@ -76,13 +77,8 @@ def run(
             autocompletion=completion.planners,
         ),
     ] = None,
-    overrides: Annotated[
-        list[str] | None,
-        typer.Option("--set", help="New value of a key, section.key=value; repeatable."),
-    ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")
-    ] = False,
+    overrides: Overrides = None,
+    as_json: AsJson = False,
     runs: Annotated[Path, typer.Option(help="Folder in which the run folders are created.")] = RUNS,
     report: Annotated[
         bool, typer.Option("--report/--no-report", help="HTML report beside the log.")

@@ -13,6 +13,7 @@ from rich.progress import Progress
 from rig.errors import BAD_DATA, ConfigError
 from rig.studies.servo.compare import UNPUBLISHED_NOTE
 from rig.ui.cli import servo_compare_tables as tables
+from rig.ui.cli.common_options import AsJson
 from rig.ui.cli.output import print_json
 from rig.ui.cli.page import err, print_paragraph, print_written
 
@@ -64,9 +65,7 @@ def compare(
         Path | None,
         typer.Option(help="Figure file of the first plant variant: .svg, .png or .pdf."),
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Compare residual vibration, error and torque of controllers of an elastic joint.
 

@@ -10,6 +10,7 @@ import typer
 
 from rig.errors import ConfigError
 from rig.ui.cli import servo_notch_tables as tables
+from rig.ui.cli.common_options import AsJson
 from rig.ui.cli.output import print_json
 from rig.ui.cli.page import print_written
 
@@ -86,9 +87,7 @@ def notch(
     plot: Annotated[
         Path | None, typer.Option(help="Figure file of poles and responses: .svg, .png or .pdf.")
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Compare poles, margins and responses with a notch filter in and before the speed loop."""
     from rig.drives.servo.cascade import Cascade  # python-control is slow to import

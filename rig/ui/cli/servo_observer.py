@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from rig.errors import ConfigError
+from rig.ui.cli.common_options import AsJson
 from rig.ui.cli.output import print_json
 from rig.ui.cli.page import print_written
 from rig.ui.cli.servo_observer_document import document
@@ -46,9 +47,7 @@ def observer(
         Path | None,
         typer.Option(help="Figure file of damping ratio and responses: .svg, .png or .pdf."),
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Analyse damping, rejection and responses of a torque disturbance observer over T_f."""
     from rig.studies.servo.joints import named_joint  # python-control is slow to import

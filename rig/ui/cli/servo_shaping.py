@@ -11,6 +11,7 @@ import typer
 from rich.table import Table
 
 from rig.studies.servo.shaping import UNPUBLISHED_NOTE
+from rig.ui.cli.common_options import AsJson
 from rig.ui.cli.output import print_json
 from rig.ui.cli.page import Column, plain_table, print_paragraph, print_table, print_written
 
@@ -60,9 +61,7 @@ def shaping(
         Path | None,
         typer.Option(help="Figure file of impulse and pulse responses: .svg, .png or .pdf."),
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Compare impulses, residual vibration and pulse responses of input shapers."""
     from rig.studies.servo.shaping import ShapingTask, pulse_residuals, robustness

@@ -13,6 +13,7 @@ from rig.run import config
 from rig.studies.vision import bench
 from rig.studies.vision.synthetic_video import CODECS, write_video
 from rig.ui.cli import completion
+from rig.ui.cli.common_options import AsJson, ImageSeed, Overrides
 from rig.ui.cli.output import print_json
 from rig.ui.cli.page import err, print_whole
 
@@ -36,16 +37,9 @@ def sim(
     seconds: Annotated[
         float, typer.Option(min=0.1, max=3600, help="Duration \\[s], 0.1 to 3600.")
     ] = 10.0,
-    seed: Annotated[
-        int | None, typer.Option(help="Seed of the image noise; the experiment's by default.")
-    ] = None,
-    overrides: Annotated[
-        list[str] | None,
-        typer.Option("--set", help="New value of a key, section.key=value; repeatable."),
-    ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")
-    ] = False,
+    seed: ImageSeed = None,
+    overrides: Overrides = None,
+    as_json: AsJson = False,
 ) -> int:
     """Render a video of a load that swings freely at home, and write its true angles."""
     changes = list(overrides or [])

@@ -12,6 +12,7 @@ from rig.errors import REFUSED, ConfigError
 from rig.run.toml_file import read_toml
 from rig.studies.sizing.axis_file import EXAMPLES, Sizing, example_tables, sizing_of
 from rig.studies.sizing.judgement import document, judge
+from rig.ui.cli.common_options import AsJson
 from rig.ui.cli.output import print_json
 from rig.ui.cli.page import print_written
 from rig.ui.cli.size_tables import print_tables
@@ -52,9 +53,7 @@ def size(
         Path | None,
         typer.Option(help="Figure file of diameters, leads and catalogue: .svg, .png or .pdf."),
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Check speed, buckling, life, lead, stiffness and motor of a ball-screw axis.
 

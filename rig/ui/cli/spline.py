@@ -23,6 +23,7 @@ from planners.trajectories.trajectory import Trajectory
 from rig.errors import REFUSED, ConfigError
 from rig.run.waypoints import Waypoints, read_waypoints
 from rig.ui.cli import spline_tables as tables
+from rig.ui.cli.common_options import AsJson
 from rig.ui.cli.output import print_json, working
 from rig.ui.cli.page import print_table, print_written
 from rig.ui.cli.spline_tables import PassageTimes, axis_positions
@@ -87,9 +88,7 @@ def spline(
     plot: Annotated[
         Path | None, typer.Option(help="Figure file of the motion: .svg, .png or .pdf.")
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Plan a motion through points along X, Y and Z and check it against limits.
 

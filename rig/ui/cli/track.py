@@ -11,6 +11,7 @@ from typing import Annotated, NamedTuple
 import typer
 
 from rig.errors import BAD_DATA, ConfigError
+from rig.ui.cli.common_options import AsJson
 from rig.ui.cli.output import print_json
 from rig.ui.cli.page import print_paragraph, print_written
 from vision.errors import VisionError
@@ -40,9 +41,7 @@ def track(
     csv_file: Annotated[
         Path | None, typer.Option("--csv", help=f"CSV file, one row a frame: {', '.join(FIELDS)}.")
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Measure the cable angle in every frame of a video.
 
