@@ -115,7 +115,7 @@ def tracker() -> tuple[float, float]:
     for t in range(5, FRAMES * 20, 5):
         sends += world.on_tick(t * 1_000_000).sends
     frames = [s.message.pixels for s in sends if isinstance(s.message, Frame)]
-    truths = [s.message.angle_rad for s in sends if isinstance(s.message, Truth)]
+    truths = [s.message.links[0].angle_x_rad for s in sends if isinstance(s.message, Truth)]
     assert len(frames) > FRAMES * 0.9
     assert max(np.abs(truths)) > 0.34
     height, width = frames[0].shape

@@ -33,6 +33,7 @@ class Channel(NamedTuple):
     wakes: bool = True
 
 
+# `platform_1`, `frame_1` and `angle_1` are those of the first camera
 CHANNELS: dict[str, Channel] = {
     "command": Channel(
         1,
@@ -72,7 +73,7 @@ CHANNELS: dict[str, Channel] = {
         Transport.UDP,
         200,
         30,
-        "interpolated position for the drives",
+        "interpolated values for the drives",
     ),
     "joint_state": Channel(
         5,
@@ -82,7 +83,7 @@ CHANNELS: dict[str, Channel] = {
         Transport.UDP,
         200,
         30,
-        "position and velocity from the encoders",
+        "values and rates from the encoders",
         wakes=False,
     ),
     "robot_state": Channel(
@@ -96,7 +97,7 @@ CHANNELS: dict[str, Channel] = {
         "commanded and actual position, phase",
         wakes=False,
     ),
-    "platform": Channel(
+    "platform_1": Channel(
         7,
         messages.RobotState,
         "controller",
@@ -107,10 +108,10 @@ CHANNELS: dict[str, Channel] = {
         "the same message, to locate the pivot in the image",
         wakes=False,
     ),
-    "frame": Channel(
+    "frame_1": Channel(
         8, messages.Frame, "bench", "vision", Transport.ZMQ, 50, 40, "camera image of the cable"
     ),
-    "angle": Channel(
+    "angle_1": Channel(
         9,
         messages.AngleSample,
         "vision",
@@ -118,7 +119,7 @@ CHANNELS: dict[str, Channel] = {
         Transport.UDP,
         50,
         80,
-        "cable angle with its time stamp",
+        "cable angles with their time stamp",
     ),
     "truth": Channel(
         10,
@@ -132,6 +133,8 @@ CHANNELS: dict[str, Channel] = {
     ),
 }
 
+# names of the wire before version 2, in experiment files and in logs
+RENAMED_CHANNELS = {"platform": "platform_1", "frame": "frame_1", "angle": "angle_1"}
 TASKS = ("streamer", "controller", "vision", "bench")
 DATA = tuple(
     name for name, c in CHANNELS.items() if c.transport is not Transport.BUS and c.receiver in TASKS

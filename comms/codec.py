@@ -10,14 +10,15 @@ import enum
 import math
 import struct
 import zlib
+from functools import cache
 from typing import Any, NamedTuple
 
 from comms.channels import CHANNELS
-from comms.layouts import LAYOUTS, Layout, bounds
-from comms.messages import AngleSample, Message
+from comms.layouts import LAYOUTS, Layout, bounds, group_bounds
+from comms.messages import Message
 
 MAGIC = b"SW"
-VERSION = 1
+VERSION = 2
 CLOSING = 1  # flag: no payload; seq is the number of datagrams that were sent
 MAX_TIME_NS = 2**62  # the bound of messages.TimeNs
 HEADER = struct.Struct("<2sBBHBxQIq")
@@ -53,42 +54,93 @@ class _Limit(NamedTuple):
     optional: bool  # NaN is allowed
 
 
-class _Channel(NamedTuple):
-    """Compiled layout of a channel."""
+class _Payload(NamedTuple):
+    """Compiled payload with a number of links."""
 
-    id: int
-    layout: Layout
-    payload: struct.Struct
+    struct: struct.Struct
     size: int  # of the whole datagram
     limits: tuple[_Limit, ...]  # of the numbers, not of the texts
+
+
+class _Channel(NamedTuple):
+    """Compiled layout of a channel; the last three are those of one link, 0 without links."""
+
+    id: int
+    message: type[Message]
+    layout: Layout
+    fixed: _Payload  # without links
+    values: int  # in the payload without links
+    link_size: int
+    link_values: int
+    most_links: int
 
 
 def _compile(name: str) -> _Channel:
     row = CHANNELS[name]
     layout = LAYOUTS[row.message]
-    payload = struct.Struct("<" + layout.format)
+    group = layout.group
+    return _Channel(
+        row.id,
+        row.message,
+        layout,
+        _payload(row.message, 0),
+        len(bounds(row.message)),
+        struct.calcsize("<" + group.format) if group else 0,
+        len(group_bounds(row.message)),
+        group.most if group else 0,
+    )
+
+
+@cache
+def _payload(message: type[Message], links: int) -> _Payload:
+    layout = LAYOUTS[message]
+    group = layout.group.format if layout.group else ""
+    payload = struct.Struct("<" + layout.format + group * links)
     zeros = payload.unpack(bytes(payload.size))
     limits = []
-    for place, bound in enumerate(bounds(row.message)):
+    for place, bound in enumerate(bounds(message) + group_bounds(message) * links):
         if not isinstance(zeros[place], bytes):
             limits.append(_Limit(place, bound.low, bound.high, bound.optional))
-    size = HEADER.size + payload.size + CRC.size
-    return _Channel(row.id, layout, payload, size, tuple(limits))
+    return _Payload(payload, HEADER.size + payload.size + CRC.size, tuple(limits))
 
 
 _CHANNELS = {name: _compile(name) for name, row in CHANNELS.items() if row.message in LAYOUTS}
 
 
-def length(channel: str) -> int:
+def length(channel: str, links: int = 0) -> int:
     """Return the length of a datagram of a channel [bytes]; without the pixels of a frame."""
-    return _CHANNELS[channel].size
+    c = _CHANNELS[channel]
+    return c.fixed.size + links * c.link_size
+
+
+def link_length(channel: str) -> int:
+    """Return the length that each link adds to a datagram of a channel [bytes]; 0 if none may."""
+    return _CHANNELS[channel].link_size
+
+
+def _payload_with(c: _Channel, extra: int, each: int) -> _Payload | None:
+    """Find the payload with `extra` bytes or values of links, of which each has `each`."""
+    if extra == 0:
+        return c.fixed
+    links, rest = divmod(extra, each) if each else (0, 1)
+    if rest or not 0 < links <= c.most_links:
+        return None
+    return _payload(c.message, links)
 
 
 def encode(channel: str, message: Message, session: int) -> bytes:
-    """Encode a message as a datagram; without the pixels of a frame."""
+    """Encode a message as a datagram; without the pixels of a frame.
+
+    Raises ValueError for a message with more links than it may have.
+    """
     c = _CHANNELS[channel]
-    head = HEADER.pack(MAGIC, VERSION, c.id, c.size, 0, session, message.seq, message.t_ns)
-    body = head + c.payload.pack(*c.layout.to_values(message))
+    values = c.layout.to_values(message)
+    payload = _payload_with(c, len(values) - c.values, c.link_values)
+    if payload is None:
+        links = (len(values) - c.values) // c.link_values
+        raise ValueError(f"{channel}: {links} links; must be <= {c.most_links}")
+    head = HEADER.pack(MAGIC, VERSION, c.id, payload.size, 0, session, message.seq, message.t_ns)
+    body = head + payload.struct.pack(*values)
     return body + CRC.pack(zlib.crc32(body))
 
 
@@ -102,7 +154,8 @@ def encode_closing(channel: str, count: int, t_ns: int, session: int) -> bytes:
 def decode(channel: str, data: bytes, session: int) -> Message | Closing | Reject:
     """Decode a datagram, or give the reason to reject it; never raises."""
     c = _CHANNELS[channel]
-    if len(data) not in (c.size, CLOSING_BYTES):
+    payload = _payload_with(c, len(data) - c.fixed.size, c.link_size)
+    if payload is None and len(data) != CLOSING_BYTES:
         return Reject.LENGTH
     magic, version, channel_id, size, flags, sender_session, seq, t_ns = HEADER.unpack_from(data)
     rejection = _check_header(c, data, magic, version, channel_id, size, flags)
@@ -112,10 +165,10 @@ def decode(channel: str, data: bytes, session: int) -> Message | Closing | Rejec
         return Reject.SESSION
     if flags == CLOSING:
         return Closing(seq)
-    if flags or not 0 <= t_ns <= MAX_TIME_NS:
+    if payload is None or flags or not 0 <= t_ns <= MAX_TIME_NS:
         return Reject.OUT_OF_RANGE
-    values = c.payload.unpack_from(data, HEADER.size)
-    return _check_values(c, values) or c.layout.to_message(seq, t_ns, values)
+    values = payload.struct.unpack_from(data, HEADER.size)
+    return _check_values(c, payload, values) or c.layout.to_message(seq, t_ns, values)
 
 
 def _check_header(
@@ -129,19 +182,17 @@ def _check_header(
         return Reject.CRC
     if channel_id != c.id:
         return Reject.CHANNEL
-    expected = CLOSING_BYTES if flags == CLOSING else c.size
-    return None if size == len(data) == expected else Reject.LENGTH
+    is_closing = len(data) == CLOSING_BYTES
+    return None if size == len(data) and is_closing == (flags == CLOSING) else Reject.LENGTH
 
 
-def _check_values(c: _Channel, values: tuple[Any, ...]) -> Reject | None:
-    for place, low, high, optional in c.limits:
+def _check_values(c: _Channel, payload: _Payload, values: tuple[Any, ...]) -> Reject | None:
+    for place, low, high, optional in payload.limits:
         value = values[place]
         if low <= value <= high or (optional and value != value):
             continue
         return Reject.OUT_OF_RANGE if math.isfinite(value) else Reject.NOT_FINITE
-    if c.layout is LAYOUTS[AngleSample]:
-        _, angle_rad, sigma_rad, valid = values[:4]
-        absent = angle_rad != angle_rad or sigma_rad != sigma_rad
-        if valid == absent:  # a valid sample has both, an invalid one lacks one of them
-            return Reject.OUT_OF_RANGE
+    is_consistent = c.layout.is_consistent
+    if is_consistent is not None and not is_consistent(values):
+        return Reject.OUT_OF_RANGE
     return None

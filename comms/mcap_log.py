@@ -18,7 +18,10 @@ from mcap.records import Attachment, Channel, Chunk, DataEnd, Message, Metadata
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import CompressionType, IndexType, Writer
 
+from comms import old_log
+from comms.codec import VERSION
 from comms.errors import LogError
+from comms.log_entry import Entry
 from comms.records import CompressedImage
 
 CHUNK_BYTES = 256 * 1024
@@ -55,7 +58,8 @@ class LogWriter:
         self._channels: dict[str, int] = {}
         self._schemas: dict[type, int] = {}
         self._encode = msgspec.json.Encoder().encode
-        self.metadata("run.start", start | {EPOCH_KEY: str(epoch_ns)})
+        own = {EPOCH_KEY: str(epoch_ns), old_log.VERSION_KEY: str(VERSION)}
+        self.metadata("run.start", start | own)
 
     def write(
         self, topic: str, record: msgspec.Struct, publish_ns: int, log_ns: int, seq: int = 0
@@ -112,14 +116,6 @@ def json_schema(kind: type) -> bytes:
     return msgspec.json.encode(schema).replace(b"#/components/schemas/", b"#/$defs/")
 
 
-class Entry(NamedTuple):
-    """Logged message, not decoded; its stamps are run time."""
-
-    log_ns: int
-    publish_ns: int
-    data: bytes
-
-
 class Log(NamedTuple):
     """Log in memory, in file order."""
 
@@ -153,6 +149,8 @@ def read_log(path: Path) -> Log:
             f"{path}: MCAP file without 'run.start'; need the log of a run, not cut before its "
             "start: name a run folder or its run.mcap"
         )
+    if old_log.VERSION_KEY not in log.metadata["run.start"]:
+        old_log.upgrade(log.topics)
     if not damage and "run.stop" not in log.metadata:
         damage = "ends before 'run.stop'"
     return log._replace(complete=not damage, damage=damage)

@@ -14,9 +14,17 @@ TimeNs = Annotated[int, Meta(ge=0, le=2**62)]
 Metres = Annotated[float, Meta(ge=-10.0, le=10.0)]
 MetresPerSecond = Annotated[float, Meta(ge=-100.0, le=100.0)]
 Radians = Annotated[float, Meta(ge=-1.6, le=1.6)]
+JointValue = Annotated[float, Meta(ge=-1e3, le=1e3)]  # m or rad
+JointRate = Annotated[float, Meta(ge=-1e4, le=1e4)]  # m/s or rad/s
 Pixels = Annotated[float, Meta(ge=-1e5, le=1e5)]
 Position = tuple[Metres, Metres, Metres]  # x right, y depth, z up
 Velocity = tuple[MetresPerSecond, MetresPerSecond, MetresPerSecond]
+JointValues = tuple[JointValue, JointValue, JointValue, JointValue, JointValue, JointValue]
+JointRates = tuple[JointRate, JointRate, JointRate, JointRate, JointRate, JointRate]
+JointCount = Annotated[int, Meta(ge=1, le=6)]
+AXES = 3  # of a robot whose joints are the axes x, y, z
+MAX_ANGLES = 3  # link angles in an AngleSample
+MAX_LINKS = 256  # in a Truth
 
 
 class Phase(enum.Enum):
@@ -41,6 +49,20 @@ class InvalidReason(enum.Enum):
     OUT_OF_RANGE = "out_of_range"  # platform outside the offset table
     NO_PLATFORM = "no_platform"  # platform position unknown at mid-exposure
     BAD_IMAGE = "bad_image"  # saturated, empty, or not of the expected size
+
+
+class Space(enum.Enum):
+    """Unit of the values of the joints."""
+
+    METRES = "m"
+    RADIANS = "rad"
+
+
+class SwingPlane(enum.Enum):
+    """Vertical plane of a swing, named by its horizontal axis."""
+
+    X = "x"
+    Y = "y"
 
 
 class Verb(enum.Enum):
@@ -79,16 +101,58 @@ class RobotState(Message, frozen=True, gc=False, kw_only=True):
 
 
 class Setpoint(Message, frozen=True, gc=False, kw_only=True):
-    """Interpolated position for the drives of the robot."""
+    """Interpolated values for the drives of the robot; those beyond `count` are 0."""
 
-    position_m: Position
+    space: Space
+    count: JointCount  # of the joints
+    values: JointValues
+
+    @property
+    def position_m(self) -> Position | None:
+        """Position where the joints are the axes x, y, z; else None."""
+        return _axes(self, self.values)
 
 
 class JointState(Message, frozen=True, gc=False, kw_only=True):
-    """Position and velocity from the encoders of the robot at t_ns."""
+    """Values and rates from the encoders of the robot at t_ns; those beyond `count` are 0."""
 
-    position_m: Position
-    velocity_m_s: Velocity
+    space: Space
+    count: JointCount  # of the joints
+    values: JointValues
+    rates: JointRates
+
+    @property
+    def position_m(self) -> Position | None:
+        """Position where the joints are the axes x, y, z; else None."""
+        return _axes(self, self.values)
+
+    @property
+    def velocity_m_s(self) -> Velocity | None:
+        """Velocity where the joints are the axes x, y, z; else None."""
+        return _axes(self, self.rates)
+
+
+def _axes(message: Setpoint | JointState, values: JointValues) -> Position | None:
+    is_position = message.space is Space.METRES and message.count == AXES
+    return (values[0], values[1], values[2]) if is_position else None
+
+
+def axis_setpoint(seq: int, t_ns: int, position_m: Position) -> Setpoint:
+    """Make the setpoint of a robot whose joints are the axes x, y, z."""
+    values = (*position_m, 0.0, 0.0, 0.0)
+    return Setpoint(seq=seq, t_ns=t_ns, space=Space.METRES, count=AXES, values=values)
+
+
+def axis_state(seq: int, t_ns: int, position_m: Position, velocity_m_s: Velocity) -> JointState:
+    """Make the joint state of a robot whose joints are the axes x, y, z."""
+    return JointState(
+        seq=seq,
+        t_ns=t_ns,
+        space=Space.METRES,
+        count=AXES,
+        values=(*position_m, 0.0, 0.0, 0.0),
+        rates=(*velocity_m_s, 0.0, 0.0, 0.0),
+    )
 
 
 class Frame(Message, frozen=True, gc=False, kw_only=True):
@@ -107,36 +171,59 @@ class Frame(Message, frozen=True, gc=False, kw_only=True):
     pixels: np.ndarray[Any, np.dtype[np.uint8]]
 
 
-class AngleSample(Message, frozen=True, gc=False, kw_only=True):
-    """Cable angle from the camera: 0 = hanging, positive = load ahead in +X (image right).
+class LinkAngle(msgspec.Struct, frozen=True, gc=False, kw_only=True):
+    """Angle of a link in a swing plane: 0 = hanging, positive = lower end ahead on the axis."""
 
-    angle_rad holds at t_valid_ns (offset removed, moving average applied). raw_rad, offset_rad,
+    angle_rad: Radians  # offset removed, moving average applied
+    sigma_rad: Annotated[float, Meta(ge=0.0, le=1.6)]
+    raw_rad: Radians  # of the newest frame alone
+    offset_rad: Radians  # of the newest frame
+    joint_px: tuple[Pixels, Pixels] | None  # column and row of the upper end of the link
+
+
+class AngleSample(Message, frozen=True, gc=False, kw_only=True):
+    """Cable angles from a camera at t_valid_ns, from the platform down.
+
     platform_m, rows, residual_px, pivot_miss_px, background and saturation are of the newest
-    frame alone. A missing value is None, and valid is False.
+    frame alone. A missing value is None. Valid samples have at least one link, others none.
     """
 
     t_valid_ns: TimeNs
-    angle_rad: Radians | None
-    sigma_rad: Annotated[float, Meta(ge=0.0, le=1.6)] | None
+    swing_plane: SwingPlane
     valid: bool
     reason: InvalidReason
-    raw_rad: Radians | None
-    offset_rad: Radians | None
-    platform_m: Metres | None
+    platform_m: Metres | None  # on the axis of the swing plane
     rows: Annotated[int, Meta(ge=0, le=65535)]
     residual_px: Annotated[float, Meta(ge=0.0, le=1e4)] | None
     pivot_miss_px: Pixels | None  # fitted line minus predicted pivot, in x, at the pivot's row
     background: Annotated[float, Meta(ge=0.0, le=255.0)]
     saturation: Annotated[float, Meta(ge=0.0, le=1.0)]  # share of pixels at full scale
+    links: tuple[LinkAngle, ...] = ()
+
+    @property
+    def cable(self) -> LinkAngle | None:
+        """Link at the platform; None in a sample that is not valid."""
+        return self.links[0] if self.valid and self.links else None
+
+
+class LinkMotion(msgspec.Struct, frozen=True, gc=False, kw_only=True):
+    """Angles of a link in the planes x and y, as seen along y and x, and their rates.
+
+    tan(angle) = horizontal component over downward component of the link, lower end ahead positive.
+    """
+
+    angle_x_rad: float
+    angle_y_rad: float
+    rate_x_rad_s: float
+    rate_y_rad_s: float
 
 
 class Truth(Message, frozen=True, gc=False, kw_only=True):
     """State of the simulated plant at t_ns; for log and analysis, not for control."""
 
-    angle_rad: float
-    angular_velocity_rad_s: float
     position_m: Position
     velocity_m_s: Velocity
+    links: tuple[LinkMotion, ...]  # from the platform down
 
 
 class Command(Message, frozen=True, gc=False, kw_only=True):

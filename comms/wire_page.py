@@ -5,11 +5,13 @@ Usage: `python -m comms.wire_page > docs/wire.md`.
 
 from __future__ import annotations
 
+import enum
 import sys
 
 from comms.channels import CHANNELS, Channel
-from comms.codec import CRC, HEADER, MAGIC, VERSION, Reject, length
-from comms.layouts import LAYOUTS, Bound, bounds
+from comms.codec import CRC, HEADER, MAGIC, VERSION, Reject, length, link_length
+from comms.layouts import LAYOUTS, Bound, bounds, group_bounds
+from comms.messages import InvalidReason, Phase, Space, SwingPlane
 
 HEAD = """# The wire
 
@@ -47,6 +49,12 @@ Rejected datagrams are counted under their reason and change nothing else:
 {", ".join(f"`{r.value}`" for r in Reject)}, then
 `old` (the sequence number is lower than one already accepted). Copies are counted as duplicated.
 
+A message with links has one group of values for each link, the link at the platform first, behind
+its other values; their number follows from the length of the datagram. Values of joints are in m
+or rad by `space`; those beyond `count` are 0, and those in metres have the bounds of a position and
+of a velocity. An angle sample is `valid` if it has links. The platform of camera k goes to its
+vision task on `platform_k`, its pictures on `frame_k`, its angles on `angle_k`.
+
 A frame is sent over ZeroMQ push/pull in two parts: the datagram, then height x width (x 3 for
 `bgr8`) bytes of pixels. Commands and replies are JSON over ZeroMQ; their fields are in
 `comms/messages.py`.
@@ -54,6 +62,19 @@ A frame is sent over ZeroMQ push/pull in two parts: the datagram, then height x 
 ## Payloads
 
 """
+
+
+def _codes(kind: type[enum.Enum]) -> str:
+    return " (" + ", ".join(f"{code} = {item.value}" for code, item in enumerate(kind)) + ")"
+
+
+CODES = {
+    "space": _codes(Space),
+    "swing_plane": _codes(SwingPlane),
+    "phase": _codes(Phase),
+    "reason": _codes(InvalidReason),
+}
+FIELDS = ("| field | type | bounds |", "|---|---|---|")
 TYPES = {"q": "i64", "d": "f64", "B": "u8", "H": "u16", "?": "bool", "s": "text"}
 
 
@@ -86,20 +107,29 @@ def _row(name: str, c: Channel) -> str:
 
 def _payload(name: str, c: Channel) -> str:
     about = (c.message.__doc__ or "").splitlines()[0]
-    lines = [
-        f"### {name}: {c.message.__name__}, {length(name)} bytes",
-        "",
-        about,
-        "",
-        "| field | type | bounds |",
-        "|---|---|---|",
-    ]
-    fields = _bounds_by_field(bounds(c.message))
-    types = _field_types(LAYOUTS[c.message].format)
-    for bound, (letter, count) in zip(fields, types, strict=True):
-        repeat = f" x {count}" if count > 1 else ""
-        lines.append(f"| {bound.name} | {TYPES[letter]}{repeat} | {_limits(bound, letter)} |")
+    size = f"{length(name)} bytes"
+    layout = LAYOUTS[c.message]
+    if layout.group:
+        size += f" and {link_length(name)} bytes a link, at most {layout.group.most} links"
+    lines = [f"### {name}: {c.message.__name__}, {size}", "", about, ""]
+    lines += [*FIELDS, *_rows(bounds(c.message), layout.format)]
+    if layout.group:
+        kind = layout.group.kind
+        lines += ["", f"Each link: {(kind.__doc__ or '').splitlines()[0]}", ""]
+        lines += [*FIELDS, *_rows(group_bounds(c.message), layout.group.format)]
     return "\n".join(lines) + "\n"
+
+
+def _rows(found: tuple[Bound, ...], layout: str) -> list[str]:
+    fields = _bounds_by_field(found)
+    rows = []
+    for bound, (letter, count) in zip(fields, _field_types(layout), strict=True):
+        repeat = f" x {count}" if count > 1 else ""
+        meaning = CODES.get(bound.name, "")
+        rows.append(
+            f"| {bound.name} | {TYPES[letter]}{repeat} | {_limits(bound, letter)}{meaning} |"
+        )
+    return rows
 
 
 def _limits(bound: Bound, letter: str) -> str:

@@ -11,13 +11,14 @@ from comms.channels import MS
 from comms.messages import (
     Command,
     Frame,
-    JointState,
+    LinkMotion,
     Message,
     Phase,
     Position,
     Setpoint,
     Truth,
     Velocity,
+    axis_state,
 )
 from comms.replies import Replies
 from comms.task import NO_STEP, Send, Step
@@ -105,15 +106,13 @@ class BenchTask:
                 if due_ns % TRUTH_NS == 0:
                     sends.append(Send("truth", self._truth(due_ns, position_m, velocity_m_s), t_ns))
             if shutter and due_ns == shutter_ns and (exposure := shutter.sample(bench)):
-                sends.append(Send("frame", self._frame(exposure, shutter.exposure_ns), t_ns))
+                sends.append(Send("frame_1", self._frame(exposure, shutter.exposure_ns), t_ns))
             if setpoints and due_ns == setpoint_ns:
                 bench.set_setpoint(setpoints.popleft()[1])
         if readings:
             self.late_ticks += readings - 1
             seq = self._seq("joint_state")
-            reading = JointState(
-                seq=seq, t_ns=read_ns, position_m=position_m, velocity_m_s=velocity_m_s
-            )
+            reading = axis_state(seq, read_ns, position_m, velocity_m_s)
             sends.append(Send("joint_state", reading, t_ns))
         wake_ns = min(self._tick_ns, shutter.closes_ns) if shutter else self._tick_ns
         return Step(sends, max(wake_ns, t_ns))
@@ -123,36 +122,48 @@ class BenchTask:
         if self._phase is Phase.FAULT:
             return NO_STEP
         self._phase = Phase.RUNNING
+        position_m = message.position_m
+        if position_m is None:
+            text = f"setpoint of {message.count} joints in {message.space.value}"
+            return self._stop_by_itself(f"{text}; must be x, y, z in m", t_ns)
         if self._check is not None:
-            excess = self._check.excess(message.seq, message.t_ns, message.position_m)
+            excess = self._check.excess(message.seq, message.t_ns, position_m)
             if excess is not None and self._check.stops:
-                self._phase = Phase.FAULT
-                text = f"setpoint outside the envelope: {excess}; the robot stopped by itself"
-                return Step([self._replies.give_up(self._phase, t_ns, text, FAULT_CODE)])
-        if message.position_m != self._setpoint_m:  # unchanged: no stop of the integration
-            self._setpoint_m = message.position_m
+                return self._stop_by_itself(f"setpoint outside the envelope: {excess}", t_ns)
+        if position_m != self._setpoint_m:  # unchanged: no stop of the integration
+            self._setpoint_m = position_m
             effective_ns = t_ns - t_ns % DRIVE_SAMPLE_NS + DRIVE_SAMPLE_NS
-            self._setpoints.append((effective_ns, message.position_m))
+            self._setpoints.append((effective_ns, position_m))
         return NO_STEP
+
+    def _stop_by_itself(self, text: str, t_ns: int) -> Step:
+        self._phase = Phase.FAULT
+        text = f"{text}; the robot stopped by itself"
+        return Step([self._replies.give_up(self._phase, t_ns, text, FAULT_CODE)])
 
     def stop(self, t_ns: int) -> Step:
         """Do nothing; no shutdown action."""
         return NO_STEP
 
     def _truth(self, t_ns: int, position_m: Position, velocity_m_s: Velocity) -> Truth:
+        link = LinkMotion(
+            angle_x_rad=self._bench.angle_rad,
+            angle_y_rad=0.0,
+            rate_x_rad_s=self._bench.angular_velocity_rad_s,
+            rate_y_rad_s=0.0,
+        )
         return Truth(
             seq=self._seq("truth"),
             t_ns=t_ns,
-            angle_rad=self._bench.angle_rad,
-            angular_velocity_rad_s=self._bench.angular_velocity_rad_s,
             position_m=position_m,
             velocity_m_s=velocity_m_s,
+            links=(link,),
         )
 
     def _frame(self, exposure: Exposure, exposure_ns: int) -> Frame:
         height, width = exposure.pixels.shape
         return Frame(
-            seq=self._seq("frame"),
+            seq=self._seq("frame_1"),
             t_ns=exposure.start_ns + exposure_ns,
             t_exposure_start_ns=exposure.start_ns,
             exposure_ns=exposure_ns,

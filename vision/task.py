@@ -8,7 +8,17 @@ from typing import NamedTuple
 import cv2
 import msgspec
 
-from comms.messages import AngleSample, Command, Frame, InvalidReason, Message, Phase, RobotState
+from comms.messages import (
+    AngleSample,
+    Command,
+    Frame,
+    InvalidReason,
+    LinkAngle,
+    Message,
+    Phase,
+    RobotState,
+    SwingPlane,
+)
 from comms.replies import Replies
 from comms.task import NO_STEP, Send, Step
 from vision.filters import MovingAverage
@@ -71,13 +81,13 @@ class VisionTask:
         return NO_STEP
 
     def on_message(self, channel: str, message: Message, t_ns: int) -> Step:
-        """Process a message of `platform`, `frame` or `command`; ignore all others."""
+        """Process a message of `platform_1`, `frame_1` or `command`; ignore all others."""
         match message:
             case RobotState():
                 self._store_platform(message)
             case Frame():
                 at_ns = t_ns + self._settings.processing_ns
-                return Step((Send("angle", self._sample(message, at_ns), at_ns),))
+                return Step((Send("angle_1", self._sample(message, at_ns), at_ns),))
             case Command():
                 # always in phase RUNNING: the task measures from start to exit
                 return Step((self._replies.answer(message, Phase.RUNNING, t_ns),))
@@ -105,30 +115,43 @@ class VisionTask:
         offset = self._offset_at(x_m or 0.0)
         if reason is InvalidReason.NONE and not offset.within:
             reason = InvalidReason.OUT_OF_RANGE
-        mean = None
+        t_valid_ns = middle_ns
+        links: tuple[LinkAngle, ...] = ()
         if reason is InvalidReason.NONE and fit.angle_rad is not None and fit.sigma_rad is not None:
             t_ns = middle_ns + self._readout_delay_ns(frame)
             mean = self._average.add(t_ns, fit.angle_rad - offset.offset_rad, fit.sigma_rad)
+            t_valid_ns = mean.t_ns
+            cable = LinkAngle(
+                angle_rad=mean.angle_rad,
+                sigma_rad=mean.sigma_rad,
+                raw_rad=fit.angle_rad,
+                offset_rad=offset.offset_rad,
+                joint_px=self._joint_px(x_m or 0.0, fit),
+            )
+            links = (cable,)
         else:
             self._average.restart()
         self._angles_sent += 1
         return AngleSample(
             seq=self._angles_sent - 1,
             t_ns=at_ns,
-            t_valid_ns=mean.t_ns if mean else middle_ns,
-            angle_rad=mean.angle_rad if mean else None,
-            sigma_rad=mean.sigma_rad if mean else None,
-            valid=mean is not None,
+            t_valid_ns=t_valid_ns,
+            swing_plane=SwingPlane.X,
+            valid=bool(links),
             reason=reason,
-            raw_rad=fit.angle_rad if mean else None,
-            offset_rad=offset.offset_rad if mean else None,
             platform_m=x_m,
             rows=fit.rows,
             residual_px=fit.residual_px,
             pivot_miss_px=fit.pivot_miss_px,
             background=fit.background,
             saturation=fit.saturation,
+            links=links,
         )
+
+    def _joint_px(self, x_m: float, fit: Fit) -> tuple[float, float]:
+        """Locate the upper end of the cable: on the fitted line, in the row of the pivot."""
+        column_px, row_px = self._pivot.pivot_px(x_m)
+        return column_px + (fit.pivot_miss_px or 0.0), row_px
 
     def _measure(self, frame: Frame, x_m: float | None) -> tuple[Fit, InvalidReason]:
         """Measure the angle of a frame; the tracker restarts after a frame it cannot use."""

@@ -34,6 +34,14 @@ class SentPath(NamedTuple):
     position_m: FloatArray  # (N, 3)
 
 
+class ActualPath(NamedTuple):
+    """Positions and velocities in the order of time."""
+
+    t_ns: IntArray  # (N,)
+    position_m: FloatArray  # (N, 3)
+    velocity_m_s: FloatArray  # (N, 3)
+
+
 def motion_peaks(run: RunLog) -> MotionPeaks:
     """Compare the motion of a run with its bounds; what was not logged is None."""
     facts = run.controller
@@ -46,22 +54,30 @@ def motion_peaks(run: RunLog) -> MotionPeaks:
     setpoints = _setpoints(run)
     if setpoints.t_ns.size > 1:
         _add_asked(peaks, setpoints, facts.envelope)
-    joints = run.log.read("/joint_state", JointState)
-    if len(joints) > 1:
-        _add_reached(peaks, joints)
-    if joints and setpoints.t_ns.size:
-        peaks.following_error_m = _following_error_m(joints, setpoints, facts.servo_lag_ns)
+    actual = _actual(run)
+    if actual.t_ns.size > 1:
+        _add_reached(peaks, actual)
+    if actual.t_ns.size and setpoints.t_ns.size:
+        peaks.following_error_m = _following_error_m(actual, setpoints, facts.servo_lag_ns)
     return peaks
 
 
 def _setpoints(run: RunLog) -> SentPath:
     """Read the setpoints up to the first stop, after which the robot holds."""
     end_ns = _stop_ns(run)
-    sent = run.log.read("/setpoint", Setpoint)
+    sent = [s for s in run.log.read("/setpoint", Setpoint) if s.position_m is not None]
     t_ns = _stamps_ns(sent)
     position = np.array([s.position_m for s in sent]).reshape(-1, 3)
     moving = t_ns < end_ns
     return SentPath(t_ns[moving], position[moving])
+
+
+def _actual(run: RunLog) -> ActualPath:
+    """Read what the encoders measured, for a robot whose joints are the axes x, y, z."""
+    joints = [j for j in run.log.read("/joint_state", JointState) if j.position_m is not None]
+    position = np.array([j.position_m for j in joints]).reshape(-1, 3)
+    velocity = np.array([j.velocity_m_s for j in joints]).reshape(-1, 3)
+    return ActualPath(_stamps_ns(joints), position, velocity)
 
 
 def _stamps_ns(messages: Sequence[Message]) -> IntArray:
@@ -98,9 +114,9 @@ def _add_asked(peaks: MotionPeaks, path: SentPath, bounds: EnvelopeFacts) -> Non
     peaks.setpoints_outside = int((too_fast | too_sudden).sum())
 
 
-def _add_reached(peaks: MotionPeaks, joints: list[JointState]) -> None:
-    t_s = _stamps_ns(joints) * 1e-9
-    velocity = np.array([j.velocity_m_s for j in joints])
+def _add_reached(peaks: MotionPeaks, actual: ActualPath) -> None:
+    t_s = actual.t_ns * 1e-9
+    velocity = actual.velocity_m_s
     peaks.reached_speed_m_s = float(np.linalg.norm(velocity, axis=1).max())
     before = np.empty_like(velocity)
     for axis in range(3):
@@ -109,18 +125,15 @@ def _add_reached(peaks: MotionPeaks, joints: list[JointState]) -> None:
     peaks.reached_acceleration_m_s2 = float(change.max()) / WINDOW_S
 
 
-def _following_error_m(
-    joints: list[JointState], setpoints: SentPath, servo_lag_ns: int
-) -> float | None:
+def _following_error_m(actual: ActualPath, setpoints: SentPath, servo_lag_ns: int) -> float | None:
     """Find the largest distance from the setpoint in force servo_lag_ns before."""
-    due_ns = _stamps_ns(joints) - servo_lag_ns
+    due_ns = actual.t_ns - servo_lag_ns
     in_force = np.searchsorted(setpoints.t_ns, due_ns, side="right") - 1
     known = in_force >= 0
     if not known.any():
         return None
-    actual = np.array([j.position_m for j in joints])[known]
-    error = np.linalg.norm(actual - setpoints.position_m[in_force[known]], axis=1)
-    return float(error.max())
+    error = actual.position_m[known] - setpoints.position_m[in_force[known]]
+    return float(np.linalg.norm(error, axis=1).max())
 
 
 def _finite(value: float) -> float | None:

@@ -97,15 +97,15 @@ class RunLog:
     @cached_property
     def angles(self) -> list[AngleSample]:
         """All angle samples, valid or not."""
-        return self.log.read("/angle", AngleSample)
+        return self.log.read("/angle_1", AngleSample)
 
     @cached_property
     def swing(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Valid angles: stamps [s], angles [rad], sigmas [rad], each (N,)."""
         rows = [
-            (a.t_valid_ns * 1e-9, a.angle_rad, a.sigma_rad)
+            (a.t_valid_ns * 1e-9, a.cable.angle_rad, a.cable.sigma_rad)
             for a in self.angles
-            if a.angle_rad is not None
+            if a.cable is not None
         ]
         t, angle, sigma = np.array(rows, dtype=np.float64).reshape(-1, 3).T
         keep = is_later(t)
@@ -120,9 +120,9 @@ class RunLog:
         sigma_factor = math.sqrt(self.facts.average_frames)
         rows = []
         for a in self.angles:
-            if a.raw_rad is not None:
-                angle_rad = a.raw_rad - (a.offset_rad or 0.0)
-                rows.append((a.t_valid_ns * 1e-9, angle_rad, (a.sigma_rad or 0.0) * sigma_factor))
+            if a.cable is not None:
+                angle_rad = a.cable.raw_rad - a.cable.offset_rad
+                rows.append((a.t_valid_ns * 1e-9, angle_rad, a.cable.sigma_rad * sigma_factor))
         t, angle, sigma = np.array(rows, dtype=np.float64).reshape(-1, 3).T
         return t, angle, sigma
 
@@ -134,13 +134,14 @@ class RunLog:
 
     @cached_property
     def truth(self) -> FloatArray:
-        """Truth (N, 4); (0, 4) on a real rig.
+        """Truth of the platform and of the link on it, along X (N, 4); (0, 4) on a real rig.
 
         Columns: instant [s], angle [rad], rate [rad/s], platform x [m].
         """
         rows = [
-            (t.t_ns * 1e-9, t.angle_rad, t.angular_velocity_rad_s, t.position_m[0])
+            (t.t_ns * 1e-9, t.links[0].angle_x_rad, t.links[0].rate_x_rad_s, t.position_m[0])
             for t in self.log.read("/truth", Truth)
+            if t.links
         ]
         return np.array(rows, dtype=np.float64).reshape(-1, 4)
 
@@ -170,7 +171,7 @@ class RunLog:
     @cached_property
     def frames(self) -> dict[int, FrameStamp]:
         """Stamps of the frames by sequence number."""
-        return {f.seq: f for f in self.log.read("/frame", FrameStamp)}
+        return {f.seq: f for f in self.log.read("/frame_1", FrameStamp)}
 
     def references(self) -> list[Reference]:
         """Read the references that the streamer sent."""

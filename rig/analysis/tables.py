@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from comms.errors import LogError
-from comms.mcap_log import Entry, Log
+from comms.log_entry import Entry
+from comms.mcap_log import Log
 
 TIMES = ("log_time_ns", "publish_time_ns")
 ROWS = "rows"  # field of a batch: `/receipts/...` carries many receipts in one message
@@ -21,7 +22,7 @@ Row = dict[str, Any]
 
 
 def table_name(topic: str) -> str:
-    """File name of a topic's table, without ending: `/link/angle` is link_angle."""
+    """File name of a topic's table, without ending: `/link/angle_1` is link_angle_1."""
     return topic.strip("/").replace("/", "_") or "root"
 
 

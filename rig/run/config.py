@@ -14,10 +14,10 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
-from comms.channels import DATA
+from comms.channels import DATA, RENAMED_CHANNELS
 from comms.link import LinkFaults
 from rig.errors import ConfigError
-from rig.run.toml_file import Section, convert, nearest, override, read_toml
+from rig.run.toml_file import Section, convert, nearest, override, read_toml, rename_keys
 
 Positive = Annotated[float, Meta(gt=0, le=1e6)]
 NotNegative = Annotated[float, Meta(ge=0, le=1e6)]
@@ -246,9 +246,13 @@ def read_experiment(name_or_path: str, overrides: list[str]) -> Experiment:
 
 
 def _check_links(links: Any) -> None:
-    """Check that each link is a channel; a `links` that is not a table is left to convert()."""
+    """Rename links of old names, and check that each is a channel.
+
+    A `links` that is not a table is left to convert().
+    """
     if not isinstance(links, dict):
         return
+    rename_keys(links, RENAMED_CHANNELS, "links.")
     for name, faults in links.items():
         if name not in DATA:
             raise ConfigError(

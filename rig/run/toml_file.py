@@ -33,21 +33,25 @@ def convert(data: Any, kind: type[T], section: str = "") -> T:
         raise ConfigError(_explain(str(error), data, kind, section)) from None
 
 
-def rename_keys(tables: dict[str, Any], new_names: dict[str, str]) -> None:
+def rename_keys(tables: dict[str, Any], new_names: dict[str, str], section: str = "") -> None:
     """Move the tables of old names to their new names, with a RenamedKey warning for each.
 
-    Raises ConfigError for a file that has a table under both names.
+    section: what stands before these names in the file, e.g. "links.". Raises ConfigError for a
+    file that has a table under both names.
     """
     for old, new in new_names.items():
         if old not in tables:
             continue
         if new in tables:
             raise ConfigError(
-                f"[{old}] and [{new}] are the same table; must stand once: keep [{new}]"
+                f"[{section}{old}] and [{section}{new}] are the same table; must stand once: "
+                f"keep [{section}{new}]"
             )
         tables[new] = tables.pop(old)
         warnings.warn(
-            f"[{old}] is now called [{new}]; rename it in the file", RenamedKey, stacklevel=2
+            f"[{section}{old}] is now called [{section}{new}]; rename it in the file",
+            RenamedKey,
+            stacklevel=2,
         )
 
 

@@ -46,7 +46,7 @@ def camera_figure(run: RunLog) -> Html | None:
     None when the log has no image, no angle, or no settings of the tracker.
     """
     images = run.pictures()
-    seen = [a for a in run.angles if a.raw_rad is not None]
+    seen = [a for a in run.angles if a.cable is not None]
     settings = _settings(run)
     if not images or not seen or settings is None:
         return None
@@ -66,7 +66,7 @@ def camera_figure(run: RunLog) -> Html | None:
         role="img",
         aria_label="camera image with detected cable",
     )
-    angle_mrad = (sample.raw_rad or 0.0) * 1e3
+    angle_mrad = _raw_rad(sample) * 1e3
     caption = (
         f"{stamp_s - run.t_move_s:+.2f} s from the start of the move: {angle_mrad:.2f} mrad in "
         f"the image. Dashed: detected cable, {sample.rows} rows; cross: predicted pivot."
@@ -93,7 +93,7 @@ def _nearest_image(
     images: list[CompressedImage], seen: list[AngleSample]
 ) -> tuple[CompressedImage, float]:
     """Find the image nearest the largest swing, and its stamp [s]."""
-    largest = max(seen, key=lambda a: abs(a.angle_rad or 0.0))
+    largest = max(seen, key=lambda a: abs(a.cable.angle_rad if a.cable else 0.0))
     stamps_s = np.array([p.timestamp.sec + p.timestamp.nsec * 1e-9 for p in images])
     k = int(np.argmin(np.abs(stamps_s - largest.t_valid_ns * 1e-9)))
     return images[k], float(stamps_s[k])
@@ -107,12 +107,16 @@ def _nearest_sample(
     return min(seen, key=lambda a: abs(a.t_valid_ns * 1e-9 + average_s - stamp_s))
 
 
+def _raw_rad(sample: AngleSample) -> float:
+    return sample.cable.raw_rad if sample.cable else 0.0
+
+
 def _cable(sample: AngleSample, settings: TrackerSettings, height: int) -> Cable:
     u0, v0 = settings.pivot_home_px
     u0 += settings.pixels_per_m * (sample.platform_m or 0.0)
     top_u = u0 + (sample.pivot_miss_px or 0.0)
     bottom_v = height - 1.0
-    slope = math.tan(sample.raw_rad or 0.0)
+    slope = math.tan(_raw_rad(sample))
     return Cable((u0, v0), top_u, top_u + slope * (bottom_v - v0), bottom_v)
 
 

@@ -18,22 +18,30 @@ from mcap.stream_reader import StreamReader
 from comms.errors import LogError
 from comms.link import LinkCount
 from comms.mcap_log import Log, LogWriter, json_schema, read_log
-from comms.messages import AngleSample, JointState, Reference, RobotState, Setpoint, Truth
+from comms.messages import (
+    AngleSample,
+    JointState,
+    Reference,
+    RobotState,
+    Setpoint,
+    Truth,
+    axis_setpoint,
+)
 from comms.records import CompressedImage, Event, FrameStamp, LinkRow, Receipts, Stamp, TaskTiming
 from tests.comms.wire_reference import messages
 
 START = {"seed": "7", "purpose": "swing-free, we hope: θ = 0"}
 EPOCH_NS = 1_795_000_000_000_000_000  # a day in November 2026
-STARTED = {**START, "epoch_ns": str(EPOCH_NS)}
+STARTED = {**START, "epoch_ns": str(EPOCH_NS), "wire_version": "2"}
 STOP = {"exit_status": "ok", "digest": "00"}
 PLAN = b"[plan]\ninput = 'zv'\n"
 RECORDS: dict[str, msgspec.Struct] = {
-    "/receipts/angle": Receipts(channel="angle", rows=[(0, 5, ""), (0, 6, "duplicate")]),
+    "/receipts/angle_1": Receipts(channel="angle_1", rows=[(0, 5, ""), (0, 6, "duplicate")]),
     "/timing/vision": TaskTiming(task="vision", t_ns=3, late_ticks=1, lateness_ns=[5, 70_000]),
-    "/link/angle": LinkRow(
-        channel="angle", count=LinkCount(sent=3, delivered=2, rejected={"crc": 1}), balanced=True
+    "/link/angle_1": LinkRow(
+        channel="angle_1", count=LinkCount(sent=3, delivered=2, rejected={"crc": 1}), balanced=True
     ),
-    "/frame": FrameStamp(
+    "/frame_1": FrameStamp(
         seq=1,
         t_ns=2,
         t_exposure_start_ns=3,
@@ -63,7 +71,7 @@ KINDS = (
 
 def setpoint(seq: int) -> Setpoint:
     """One small message."""
-    return Setpoint(seq=seq, t_ns=10 * seq, position_m=(0.001 * seq, 0.0, -0.5))
+    return axis_setpoint(seq, 10 * seq, (0.001 * seq, 0.0, -0.5))
 
 
 def write_log(path: Path, *, closed: bool = True) -> None:
@@ -105,23 +113,40 @@ def test_every_record_is_read_unchanged(tmp_path: Path) -> None:
 
 
 @settings(deadline=None, max_examples=30)
-@given(messages("angle"), messages("truth"), messages("robot_state"))
+@given(
+    messages("angle_1"),
+    messages("truth"),
+    messages("robot_state"),
+    messages("setpoint"),
+    messages("joint_state"),
+)
 def test_messages_of_the_channels_are_read_unchanged(
-    tmp_path_factory: pytest.TempPathFactory, angle: AngleSample, truth: Truth, state: RobotState
+    tmp_path_factory: pytest.TempPathFactory,
+    angle: AngleSample,
+    truth: Truth,
+    state: RobotState,
+    order: Setpoint,
+    joints: JointState,
 ) -> None:
     path = tmp_path_factory.getbasetemp() / "any.mcap"
     log = LogWriter(path, {}, EPOCH_NS)
     for topic, message in (
-        ("/angle", angle),
+        ("/angle_1", angle),
         ("/truth", truth),
-        ("/platform", state),
+        ("/platform_1", state),
         ("/robot_state", state),
+        ("/setpoint", order),
+        ("/joint_state", joints),
     ):
         log.write(topic, message, message.t_ns, message.t_ns, message.seq)
     log.close({})
     read = read_log(path)
-    assert (read.read("/angle", AngleSample), read.read("/truth", Truth)) == ([angle], [truth])
-    assert read.read("/platform", RobotState) == read.read("/robot_state", RobotState) == [state]
+    assert (read.read("/angle_1", AngleSample), read.read("/truth", Truth)) == ([angle], [truth])
+    assert read.read("/platform_1", RobotState) == read.read("/robot_state", RobotState) == [state]
+    assert (read.read("/setpoint", Setpoint), read.read("/joint_state", JointState)) == (
+        [order],
+        [joints],
+    )
 
 
 def test_messages_of_a_topic_keep_their_order_over_chunks(small: bytes, tmp_path: Path) -> None:

@@ -30,9 +30,9 @@ REPLY = Reply(
     seq=1, t_ns=2, id=3, sender="vision", ok=True, phase=Phase.ARMED, text="armed, 20 °C", exit=None
 )
 RECORDS = (
-    Receipts(channel="frame", rows=[(1, 2, "duplicate")]),
+    Receipts(channel="frame_1", rows=[(1, 2, "duplicate")]),
     TaskTiming(task="vision", t_ns=1, late_ticks=2, lateness_ns=[3]),
-    LinkRow(channel="frame", count=LinkCount(sent=2, delivered=1, rejected={"crc": 1})),
+    LinkRow(channel="frame_1", count=LinkCount(sent=2, delivered=1, rejected={"crc": 1})),
     Event(t_ns=4, level="error", source="vision", text="lost"),
 )
 
@@ -114,16 +114,16 @@ def test_a_reply_and_every_kind_of_record_arrive_unchanged(
 def test_telemetry_arrives_in_order_once_flushed_and_pictures_at_once(
     operator: OperatorBus, vision: TaskBus
 ) -> None:
-    vision.add_telemetry("angle", b"\0datagram")
-    vision.add_telemetry("frame", b"")
+    vision.add_telemetry("angle_1", b"\0datagram")
+    vision.add_telemetry("frame_1", b"")
     vision.flush_telemetry()
     vision.flush_telemetry()  # the batch is empty
     assert received(operator, 2) == [
-        (b"", Telemetry("angle", b"\0datagram", None)),
-        (b"", Telemetry("frame", b"", None)),
+        (b"", Telemetry("angle_1", b"\0datagram", None)),
+        (b"", Telemetry("frame_1", b"", None)),
     ]
-    vision.picture("frame", b"head", b"pixels")
-    assert received(operator, 1) == [(b"", Telemetry("frame", b"head", b"pixels"))]
+    vision.picture("frame_1", b"head", b"pixels")
+    assert received(operator, 1) == [(b"", Telemetry("frame_1", b"head", b"pixels"))]
     assert (vision.dropped_telemetry, vision.dropped_pictures) == (0, 0)
 
 
@@ -135,10 +135,10 @@ def test_telemetry_and_pictures_beyond_the_queue_are_dropped_and_counted(
     nobody = "tcp://127.0.0.1:9"  # the discard port, where nobody listens
     task = TaskBus(context, "vision", nobody, nobody, nobody)
     for _ in range(8):
-        task.add_telemetry("angle", b"")
-        task.add_telemetry("angle", b"")
+        task.add_telemetry("angle_1", b"")
+        task.add_telemetry("angle_1", b"")
         task.flush_telemetry()
-        task.picture("frame", b"", b"")
+        task.picture("frame_1", b"", b"")
     assert (task.dropped_telemetry, task.dropped_pictures) == (2 * 3, 6)  # pictures keep two
     task.close()
 
@@ -168,20 +168,23 @@ def test_invalid_messages_are_ignored(context: Context, operator: OperatorBus) -
     stranger.close()
 
 
-@pytest.mark.parametrize("parts", [[b""], [b"angle"], [b"\xff", b"", b""], [b"nothing", b"", b""]])
+@pytest.mark.parametrize(
+    "parts",
+    [[b""], [b"angle_1"], [b"\xff", b"", b""], [b"nothing", b"", b""], [b"angle", b"", b""]],
+)
 def test_invalid_telemetry_is_ignored(
     context: Context, operator: OperatorBus, parts: list[bytes]
 ) -> None:
     for address, good in (
-        (operator.telemetry, [b"angle", b"good"]),
-        (operator.pictures, [b"angle", b"good", b"pixels"]),
+        (operator.telemetry, [b"angle_1", b"good"]),
+        (operator.pictures, [b"angle_1", b"good", b"pixels"]),
     ):
         stranger = context.socket(zmq.PUSH)
         stranger.connect(address)
         stranger.send_multipart(parts)
         stranger.send_multipart(good)
         pixels = good[2] if len(good) == 3 else None
-        assert received(operator, 1) == [(b"", Telemetry("angle", b"good", pixels))]
+        assert received(operator, 1) == [(b"", Telemetry("angle_1", b"good", pixels))]
         stranger.close()
 
 
@@ -243,7 +246,7 @@ def test_a_drain_of_the_operator_is_bounded_and_the_next_one_goes_on(
 ) -> None:
     kind, parts = (zmq.DEALER, [b"hello"])
     if socket != "commands":
-        kind, parts = (zmq.PUSH, [b"angle", b"good", b"pixels"])
+        kind, parts = (zmq.PUSH, [b"angle_1", b"good", b"pixels"])
     stranger = fill(context, getattr(operator, socket), kind, parts)
     counts = []
     for _ in range(5 * DRAIN_LIMIT * 2):  # pictures may come one by one

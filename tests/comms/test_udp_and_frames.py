@@ -53,7 +53,7 @@ def arrivals(receiver: UdpReceiver, last: bytes) -> list[bytes]:
 @pytest.fixture
 def receiver() -> Iterator[UdpReceiver]:
     """A receiver on a free port."""
-    receiver = UdpReceiver(HOST, 0, "angle")
+    receiver = UdpReceiver(HOST, 0, "angle_1")
     yield receiver
     receiver.close()
 
@@ -81,7 +81,7 @@ def test_the_kernel_counts_the_datagrams_dropped_for_a_full_buffer(
     flood: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(udp, "RECEIVE_BUFFER_BYTES", 16_384)
-    receiver = UdpReceiver(HOST, 0, "angle")
+    receiver = UdpReceiver(HOST, 0, "angle_1")
     sender = UdpSender(HOST, receiver.port)
     for k in range(flood):  # not read
         assert sender.send(k.to_bytes(4, "little") + bytes(120))
@@ -125,15 +125,15 @@ def test_a_datagram_that_the_system_refuses_is_reported(receiver: UdpReceiver) -
 
 def test_a_port_in_use_is_named_with_what_to_do(receiver: UdpReceiver) -> None:
     with pytest.raises(
-        PortInUse, match=rf"UDP port {receiver.port} on {HOST} .*'platform'.*network\.base_port"
+        PortInUse, match=rf"UDP port {receiver.port} on {HOST} .*'platform_1'.*network\.base_port"
     ):
-        UdpReceiver(HOST, receiver.port, "platform")
+        UdpReceiver(HOST, receiver.port, "platform_1")
 
 
 def test_a_port_is_free_until_it_is_bound_and_again_after(receiver: UdpReceiver) -> None:
     port = free_port(HOST)
     assert port_is_free(HOST, port)
-    taken = UdpReceiver(HOST, port, "angle")
+    taken = UdpReceiver(HOST, port, "angle_1")
     assert not port_is_free(HOST, port)
     taken.close()
     assert port_is_free(HOST, port)
@@ -155,8 +155,8 @@ def pulled(receiver: FrameReceiver, count: int) -> list[Frame | Closing | Reject
 
 def test_pictures_arrive_with_their_pixels_and_the_closing_count(context: Context) -> None:
     port = free_port(HOST, udp=False)
-    receiver = FrameReceiver(context, HOST, port, "frame", SESSION)
-    sender = FrameSender(context, HOST, port, "frame", SESSION)
+    receiver = FrameReceiver(context, HOST, port, "frame_1", SESSION)
+    sender = FrameSender(context, HOST, port, "frame_1", SESSION)
     sent = [picture(seq) for seq in range(3)]
     assert [sender.send(frame) for frame in sent] == [True] * 3
     sender.close(3, 40)
@@ -175,8 +175,8 @@ def test_a_drain_reads_a_bounded_number_of_frames_and_says_that_more_wait(
 ) -> None:
     monkeypatch.setattr(frames, "DRAIN_LIMIT", 2)
     port = free_port(HOST, udp=False)
-    receiver = FrameReceiver(context, HOST, port, "frame", SESSION)
-    sender = FrameSender(context, HOST, port, "frame", SESSION)
+    receiver = FrameReceiver(context, HOST, port, "frame_1", SESSION)
+    sender = FrameSender(context, HOST, port, "frame_1", SESSION)
     assert [sender.send(picture(k)) for k in range(3)] == [True] * 3
     drains: list[int] = []
     for _ in range(LOOKS):
@@ -193,8 +193,8 @@ def test_a_drain_reads_a_bounded_number_of_frames_and_says_that_more_wait(
 
 def test_a_picture_cut_out_of_a_larger_one_arrives_with_its_own_pixels(context: Context) -> None:
     port = free_port(HOST, udp=False)
-    receiver = FrameReceiver(context, HOST, port, "frame", SESSION)
-    sender = FrameSender(context, HOST, port, "frame", SESSION)
+    receiver = FrameReceiver(context, HOST, port, "frame_1", SESSION)
+    sender = FrameSender(context, HOST, port, "frame_1", SESSION)
     original = picture(height=20, width=30)
     strided = msgspec.structs.replace(
         original, height=10, width=15, pixels=original.pixels[::2, ::2]
@@ -209,13 +209,13 @@ def test_a_picture_cut_out_of_a_larger_one_arrives_with_its_own_pixels(context: 
 
 def test_parts_other_than_a_header_and_its_pixels_are_refused(context: Context) -> None:
     port = free_port(HOST, udp=False)
-    receiver = FrameReceiver(context, HOST, port, "frame", SESSION)
+    receiver = FrameReceiver(context, HOST, port, "frame_1", SESSION)
     stranger = context.socket(zmq.PUSH)
     stranger.connect(f"tcp://{HOST}:{port}")
     frame, size = picture(), 48 * 64
-    head = encode("frame", frame, SESSION)
-    unknown = encode("frame", msgspec.structs.replace(frame, encoding="rgb16"), SESSION)
-    colour = encode("frame", msgspec.structs.replace(frame, encoding="bgr8"), SESSION)
+    head = encode("frame_1", frame, SESSION)
+    unknown = encode("frame_1", msgspec.structs.replace(frame, encoding="rgb16"), SESSION)
+    colour = encode("frame_1", msgspec.structs.replace(frame, encoding="bgr8"), SESSION)
     cases: list[tuple[list[bytes], Reject]] = [
         ([head, bytes(size - 1)], Reject.LENGTH),
         ([head, bytes(size + 1)], Reject.LENGTH),
@@ -226,7 +226,7 @@ def test_parts_other_than_a_header_and_its_pixels_are_refused(context: Context) 
         ([unknown, bytes(size)], Reject.OUT_OF_RANGE),
         ([b"", bytes(size)], Reject.LENGTH),
         ([b"hello"], Reject.LENGTH),
-        ([encode("frame", frame, SESSION + 1), bytes(size)], Reject.SESSION),
+        ([encode("frame_1", frame, SESSION + 1), bytes(size)], Reject.SESSION),
     ]
     for parts, _ in cases:
         stranger.send_multipart(parts)
@@ -253,7 +253,7 @@ def test_frames_without_a_receiver_fill_the_queue_and_are_then_refused_at_once(
     context: Context, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(frames, "LINGER_MS", 0)
-    sender = FrameSender(context, HOST, free_port(HOST, udp=False), "frame", SESSION)
+    sender = FrameSender(context, HOST, free_port(HOST, udp=False), "frame_1", SESSION)
     taken = [sender.send(picture(seq, 2, 2)) for seq in range(frames.HIGH_WATER + 3)]
     assert taken == [True] * frames.HIGH_WATER + [False] * 3
     sender.close(frames.HIGH_WATER, 0)
@@ -261,10 +261,10 @@ def test_frames_without_a_receiver_fill_the_queue_and_are_then_refused_at_once(
 
 def test_a_frame_port_in_use_is_named_with_what_to_do(context: Context) -> None:
     port = free_port(HOST, udp=False)
-    receiver = FrameReceiver(context, HOST, port, "frame", SESSION)
+    receiver = FrameReceiver(context, HOST, port, "frame_1", SESSION)
     assert not port_is_free(HOST, port, udp=False)
     with pytest.raises(
-        PortInUse, match=rf"TCP port {port} on {HOST} .*'frame'.*network\.base_port"
+        PortInUse, match=rf"TCP port {port} on {HOST} .*'frame_1'.*network\.base_port"
     ):
-        FrameReceiver(context, HOST, port, "frame", SESSION)
+        FrameReceiver(context, HOST, port, "frame_1", SESSION)
     receiver.close()

@@ -19,7 +19,17 @@ from comms.clock import MonotonicClock, new_run_clock
 from comms.codec import Closing, decode, encode, encode_closing
 from comms.ends import ChannelReceiver
 from comms.link import LinkCount, LinkFaults, LinkModel, merge_counts
-from comms.messages import Command, Message, Phase, Reference, Reply, RobotState, Truth, Verb
+from comms.messages import (
+    Command,
+    LinkMotion,
+    Message,
+    Phase,
+    Reference,
+    Reply,
+    RobotState,
+    Truth,
+    Verb,
+)
 from comms.operator_bus import Context, Hello, OperatorBus, Record, StreamEnd, Telemetry
 from comms.records import Event, LinkRow, Receipts, TaskTiming
 from comms.runner import ORPHANED, WallRunner, Wiring
@@ -96,14 +106,8 @@ class Bench(Echo):
 
     def on_message(self, channel: str, message: Message, t_ns: int) -> Step:
         """Send a truth, and the reply of Echo."""
-        truth = Truth(
-            seq=0,
-            t_ns=t_ns,
-            angle_rad=0.1,
-            angular_velocity_rad_s=0.0,
-            position_m=ZERO,
-            velocity_m_s=ZERO,
-        )
+        link = LinkMotion(angle_x_rad=0.1, angle_y_rad=0.0, rate_x_rad_s=0.0, rate_y_rad_s=0.0)
+        truth = Truth(seq=0, t_ns=t_ns, position_m=ZERO, velocity_m_s=ZERO, links=(link,))
         step = super().on_message(channel, message, t_ns)
         return step._replace(sends=[Send("truth", truth, t_ns), *step.sends])
 
@@ -137,7 +141,7 @@ class Operator:
         self.bus, self.task = OperatorBus(context, HOST), task
         self.clock: MonotonicClock = new_run_clock()
         self.states = UdpReceiver(HOST, 0, "robot_state")
-        self.ports = {name: free_port(HOST, udp=name != "frame") for name in DATA}
+        self.ports = {name: free_port(HOST, udp=name != "frame_1") for name in DATA}
         self.ports["robot_state"] = self.states.port
         self.heard: list[object] = []
         self.exit_codes: list[int] = []
@@ -285,7 +289,7 @@ def test_a_task_starts_answers_commands_and_leaves_a_balanced_ledger(
     assert operator.task.stopped
 
     rows = operator.rows()
-    assert rows.keys() == {"reference", "joint_state", "setpoint", "robot_state", "platform"}
+    assert rows.keys() == {"reference", "joint_state", "setpoint", "robot_state", "platform_1"}
     assert rows["reference"] == LinkCount(
         delivered=PACKETS,
         late=rows["reference"].late,

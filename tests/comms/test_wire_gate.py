@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import struct
 
 import msgspec
 import numpy as np
@@ -11,23 +12,37 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from comms.codec import encode, encode_closing
-from comms.messages import Message, Reference, Setpoint
+from comms.messages import (
+    AngleSample,
+    JointState,
+    Message,
+    Reference,
+    Setpoint,
+    Space,
+    axis_setpoint,
+)
 from tests.comms.wire_reference import (
+    CLOSING_BYTES,
     CRC_BYTES,
     HEADER_BYTES,
-    LENGTH,
+    LINK_MOTION,
+    LINKS,
+    METRES,
     SESSION,
+    VERSION,
     WIRE,
     Gate,
     channels,
     datagram,
     field_values,
+    lengths,
     messages,
     with_value,
+    with_values,
+    zeros,
 )
 
 UNTIMED = settings(deadline=None)  # a busy machine is no failure
-CLOSING_BYTES = HEADER_BYTES + CRC_BYTES
 cases = channels.flatmap(lambda name: st.tuples(st.just(name), messages(name)))
 pairs = channels.flatmap(lambda name: st.tuples(st.just(name), messages(name), messages(name)))
 
@@ -45,30 +60,41 @@ BOUND: dict[str, tuple[float, float]] = {
     ),
     **dict.fromkeys(("position_m", "commanded_m", "actual_m", "platform_m"), (-10.0, 10.0)),
     **dict.fromkeys(("velocity_m_s", "actual_velocity_m_s"), (-100.0, 100.0)),
+    "values": (-1e3, 1e3),
+    "rates": (-1e4, 1e4),
     **dict.fromkeys(("angle_rad", "raw_rad", "offset_rad"), (-1.6, 1.6)),
     "sigma_rad": (0.0, 1.6),
     "residual_px": (0.0, 1e4),
-    "pivot_miss_px": (-1e5, 1e5),
+    **dict.fromkeys(("pivot_miss_px", "joint_px"), (-1e5, 1e5)),
     "background": (0.0, 255.0),
     "saturation": (0.0, 1.0),
     "phase": (0, 4),
     "reason": (0, 8),
+    "space": (0, 1),
+    "swing_plane": (0, 1),
+    "count": (1, 6),
 }
+CODES = ("phase", "reason", "space", "swing_plane", "count")  # unsigned bytes
 # in a valid sample too
-MAY_BE_ABSENT = {"raw_rad", "offset_rad", "platform_m", "residual_px", "pivot_miss_px"}
+MAY_BE_ABSENT = {"platform_m", "residual_px", "pivot_miss_px"}
 VALUES = [
     (channel, place, name) for channel, row in WIRE.items() for place, name in enumerate(row[3])
 ]
-BOUNDED = [value for value in VALUES if value[2] in BOUND and value[0] != "truth"]
-BOUNDED += [
-    ("truth", place, name)
-    for place, name in enumerate(WIRE["truth"][3])
-    if name in ("position_m", "velocity_m_s")
-]
-FLOATS = [value for value in BOUNDED if isinstance(BOUND[value[2]][1], float)] + [
-    ("truth", 0, "angle_rad"),
-    ("truth", 1, "angular_velocity_rad_s"),
-]
+BOUNDED = [value for value in VALUES if value[2] in BOUND]
+FLOATS = [value for value in BOUNDED if isinstance(BOUND[value[2]][1], float)]
+FLOATS += [value for value in VALUES if value[2] in LINK_MOTION]
+JOINTS = [value for value in VALUES if value[2] in METRES]
+SPACE, COUNT, FIRST_JOINT = 0, 1, 2  # places in a setpoint and in a joint state
+IN_METRES, IN_RADIANS = 0, 1
+# of version 1, from its page
+OLD_REFERENCE = (
+    "53570103400000005353454c59415753010000000a00000000000000"
+    "1400000000000000000000000000e03f000000000000d0bf0000000000000040ce2ca619"
+)
+OLD_SETPOINT = (
+    "53570104380000005353454c59415753020000000500000000000000"
+    "000000000000e03f0000000000000000000000000000f0bf64b7ced5"
+)
 
 
 def refusal(gate: Gate, data: bytes) -> str:
@@ -102,15 +128,18 @@ def test_up_to_three_flipped_bits_are_always_noticed(
     assert is_refused(channel, message, bytes(data)) in {"magic", "version", "crc"}
 
 
+def reason_by_length(channel: str, size: int) -> str:
+    """Reject reason of damaged bytes: those of a good length are found by their CRC."""
+    return "crc" if size in (CLOSING_BYTES, *lengths(channel)) else "length"
+
+
 @UNTIMED
 @given(cases, st.data())
 def test_a_cut_datagram_is_refused(case: tuple[str, Message], data: st.DataObject) -> None:
     channel, message = case
     whole = encode(channel, message, SESSION)
     keep = data.draw(st.integers(0, len(whole) - 1))
-    assert is_refused(channel, message, whole[:keep]) == (
-        "crc" if keep == CLOSING_BYTES else "length"
-    )
+    assert is_refused(channel, message, whole[:keep]) == reason_by_length(channel, keep)
 
 
 @UNTIMED
@@ -119,7 +148,8 @@ def test_a_datagram_with_something_behind_it_is_refused(
     case: tuple[str, Message], tail: bytes
 ) -> None:
     channel, message = case
-    assert is_refused(channel, message, encode(channel, message, SESSION) + tail) == "length"
+    longer = encode(channel, message, SESSION) + tail
+    assert is_refused(channel, message, longer) == reason_by_length(channel, len(longer))
 
 
 @UNTIMED
@@ -130,8 +160,9 @@ def test_a_splice_of_two_datagrams_is_refused(
     channel, first, second = pair
     head, tail = encode(channel, first, SESSION), encode(channel, second, SESSION)
     at = data.draw(st.integers(1, len(head) - 1))
-    assume(head[:at] + tail[at:] not in (head, tail))
-    assert is_refused(channel, first, head[:at] + tail[at:]) == "crc"
+    splice = head[:at] + tail[at:]
+    assume(splice not in (head, tail))
+    assert is_refused(channel, first, splice) == reason_by_length(channel, len(splice))
 
 
 @UNTIMED
@@ -147,19 +178,18 @@ def test_a_datagram_of_another_session_is_refused(case: tuple[str, Message], ses
 def test_a_datagram_of_another_channel_is_refused(case: tuple[str, Message], other: str) -> None:
     channel, message = case
     assume(other != channel)
-    same_length = LENGTH[other] == LENGTH[channel]
-    assert refusal(Gate(other), encode(channel, message, SESSION)) == (
-        "channel" if same_length else "length"
-    )
+    data = encode(channel, message, SESSION)
+    reason = "channel" if len(data) in lengths(other) else "length"
+    assert refusal(Gate(other), data) == reason
 
 
 def test_a_closing_datagram_of_another_channel_or_session_closes_nothing() -> None:
-    assert refusal(Gate("angle"), encode_closing("platform", 5, 0, SESSION)) == "channel"
-    assert refusal(Gate("angle"), encode_closing("angle", 5, 0, SESSION + 1)) == "session"
+    assert refusal(Gate("angle_1"), encode_closing("platform_1", 5, 0, SESSION)) == "channel"
+    assert refusal(Gate("angle_1"), encode_closing("angle_1", 5, 0, SESSION + 1)) == "session"
 
 
 def test_a_closing_datagram_moves_no_counter() -> None:
-    assert Gate("angle").take(encode_closing("angle", 5, 0, SESSION)) == (None, {})
+    assert Gate("angle_1").take(encode_closing("angle_1", 5, 0, SESSION)) == (None, {})
 
 
 @UNTIMED
@@ -171,7 +201,7 @@ def test_garbage_is_refused(channel: str, data: bytes) -> None:
 @UNTIMED
 @given(channels, st.data())
 def test_garbage_of_the_right_length_is_refused(channel: str, data: st.DataObject) -> None:
-    size = data.draw(st.sampled_from([LENGTH[channel], CLOSING_BYTES]))
+    size = data.draw(st.sampled_from([*lengths(channel, most=5), CLOSING_BYTES]))
     assert refusal(Gate(channel), data.draw(st.binary(min_size=size, max_size=size))) in {
         "magic",
         "version",
@@ -184,7 +214,7 @@ def test_garbage_of_the_right_length_is_refused(channel: str, data: st.DataObjec
 def test_any_payload_behind_a_right_header_is_a_message_within_its_bounds_or_refused(
     channel: str, data: st.DataObject, t_ns: int, seq: int
 ) -> None:
-    size = LENGTH[channel] - CLOSING_BYTES
+    size = data.draw(st.sampled_from(lengths(channel, most=5))) - CLOSING_BYTES
     payload = data.draw(st.binary(min_size=size, max_size=size))
     message, up = Gate(channel).take(
         datagram(channel, payload, seq=seq, t_ns=t_ns), t_ns=2**62, late_ns=2**62
@@ -201,6 +231,13 @@ def is_within_its_bounds(message: Message) -> None:
     """Assert the declared bounds; msgspec raises if a field is outside."""
     fields = msgspec.to_builtins(field_values(message)) | {"pixels": None}
     msgspec.convert(fields, type(message), dec_hook=lambda _, __: np.empty(0, np.uint8))
+    if isinstance(message, AngleSample):
+        assert message.valid == (len(message.links) > 0)
+    if isinstance(message, Setpoint | JointState):
+        for name in METRES.keys() & fields.keys():
+            assert not any(fields[name][message.count :])
+            if message.space is Space.METRES:
+                assert max(map(abs, fields[name])) <= METRES[name]
 
 
 @UNTIMED
@@ -209,8 +246,9 @@ def test_a_header_with_another_magic_version_length_or_flag_is_refused(
     case: tuple[str, Message], noise: bytes
 ) -> None:
     channel, message = case
-    payload = encode(channel, message, SESSION)[HEADER_BYTES:-CRC_BYTES]
-    assume(noise[:2] != b"SW" and noise[2] != 1 and noise[3] not in (0, 1))
+    whole = encode(channel, message, SESSION)
+    payload = whole[HEADER_BYTES:-CRC_BYTES]
+    assume(noise[:2] != b"SW" and noise[2] != VERSION and noise[3] not in (0, 1))
     assert is_refused(channel, message, datagram(channel, payload, magic=noise[:2])) == "magic"
     assert is_refused(channel, message, datagram(channel, payload, version=noise[2])) == "version"
     assert (
@@ -221,9 +259,7 @@ def test_a_header_with_another_magic_version_length_or_flag_is_refused(
     )  # closing, with a payload
     assert is_refused(channel, message, datagram(channel, b"")) == "length"  # a message without one
     assert (
-        is_refused(
-            channel, message, datagram(channel, payload, length=LENGTH[channel] + 1 + noise[0])
-        )
+        is_refused(channel, message, datagram(channel, payload, length=len(whole) + 1 + noise[0]))
         == "length"
     )
 
@@ -238,7 +274,7 @@ def test_the_bound_itself_is_accepted_and_the_next_value_is_not(
         _, up = Gate(channel).take(with_value(channel, place, bound))
         assert up == {"delivered": 1}
         beyond = bound + (1 if outward > 0 else -1) if whole else math.nextafter(bound, outward)
-        if name not in ("phase", "reason") or beyond >= 0:  # their codes are unsigned bytes
+        if name not in CODES or beyond >= 0:
             assert refusal(Gate(channel), with_value(channel, place, beyond)) == "out_of_range"
 
 
@@ -249,29 +285,133 @@ def test_an_infinite_value_is_refused_and_a_nan_too_unless_it_may_be_absent(
     for infinite in (math.inf, -math.inf):
         assert refusal(Gate(channel), with_value(channel, place, infinite)) == "not_finite"
     nan = with_value(channel, place, math.nan)
-    if channel == "angle" and name in MAY_BE_ABSENT:
+    if channel == "angle_1" and name in MAY_BE_ABSENT:
         message, up = Gate(channel).take(nan)
         assert up == {"delivered": 1}
         assert getattr(message, name) is None
-    elif channel == "angle" and name in ("angle_rad", "sigma_rad"):
-        assert refusal(Gate(channel), nan) == "out_of_range"  # the sample is marked valid
+    elif name == "joint_px":
+        assert refusal(Gate(channel), nan) == "out_of_range"  # one coordinate alone is absent
     else:
         assert refusal(Gate(channel), nan) == "not_finite"
 
 
+def test_a_joint_has_both_coordinates_or_none() -> None:
+    column, row = (k for k, name in enumerate(WIRE["angle_1"][3]) if name == "joint_px")
+    absent, present = (math.nan, math.nan), (320.0, -58.0)
+    for there, expected in ((absent, None), (present, present)):
+        data = with_values("angle_1", {column: there[0], row: there[1]})
+        message, up = Gate("angle_1").take(data)
+        assert up == {"delivered": 1}
+        assert isinstance(message, AngleSample)
+        assert [link.joint_px for link in message.links] == [expected]
+    for half in ({column: math.nan, row: -58.0}, {column: 320.0, row: math.nan}):
+        assert refusal(Gate("angle_1"), with_values("angle_1", half)) == "out_of_range"
+
+
 def test_an_angle_that_is_there_but_not_valid_is_refused() -> None:
-    place = WIRE["angle"][3].index("valid")
-    assert refusal(Gate("angle"), with_value("angle", place, False)) == "out_of_range"
+    place = WIRE["angle_1"][3].index("valid")
+    assert refusal(Gate("angle_1"), with_value("angle_1", place, False)) == "out_of_range"
+
+
+def with_links(channel: str, links: int, **changes: bool) -> bytes:
+    """Build a datagram of zeros with a number of links."""
+    values, names = zeros(channel), WIRE[channel][3]
+    for name, value in changes.items():
+        values[names.index(name)] = value
+    link = struct.calcsize("<" + LINKS[channel][0])
+    without = struct.pack("<" + WIRE[channel][2], *values)[:-link]
+    return datagram(channel, without + bytes(links * link))
+
+
+def test_an_angle_is_valid_exactly_with_links() -> None:
+    for links in range(4):
+        for valid in (False, True):
+            data = with_links("angle_1", links, valid=valid)
+            message, up = Gate("angle_1").take(data)
+            if valid == (links > 0):
+                assert up == {"delivered": 1}
+                assert isinstance(message, AngleSample)
+                assert len(message.links) == links
+            else:
+                assert up == {"rejected out_of_range": 1}
+
+
+@pytest.mark.parametrize(("channel", "most"), [("angle_1", 3), ("truth", 256)])
+def test_a_datagram_with_more_links_than_allowed_is_refused_by_its_length(
+    channel: str, most: int
+) -> None:
+    assert Gate(channel).take(with_links(channel, most))[1] == {"delivered": 1}
+    for links in (most + 1, most + 2, 2 * most):
+        assert refusal(Gate(channel), with_links(channel, links)) == "length"
+
+
+@pytest.mark.parametrize("channel", LINKS)
+@pytest.mark.parametrize("more", [-1, 1, 8, 24])
+def test_a_link_that_is_not_whole_is_refused_by_the_length(channel: str, more: int) -> None:
+    payload = with_links(channel, 2)[HEADER_BYTES:-CRC_BYTES]
+    changed = payload[:more] if more < 0 else payload + bytes(more)
+    assert refusal(Gate(channel), datagram(channel, changed)) == "length"
+
+
+@pytest.mark.parametrize("channel", LINKS)
+def test_a_link_cut_off_behind_a_right_crc_is_refused_by_the_length_in_the_header(
+    channel: str,
+) -> None:
+    two, one = with_links(channel, 2), with_links(channel, 1)
+    changed = datagram(channel, one[HEADER_BYTES:-CRC_BYTES], length=len(two))
+    assert refusal(Gate(channel), changed) == "length"
+
+
+@pytest.mark.parametrize(("channel", "place", "name"), JOINTS)
+def test_a_value_beyond_the_count_of_the_joints_must_be_0(
+    channel: str, place: int, name: str
+) -> None:
+    joint = (place - FIRST_JOINT) % 6
+    for space in (IN_METRES, IN_RADIANS):
+        for count in range(1, 7):
+            for value in (0.5, -1e-9):
+                changes = {SPACE: space, COUNT: count, place: value}
+                _, up = Gate(channel).take(with_values(channel, changes))
+                accepted = joint < count
+                assert up == ({"delivered": 1} if accepted else {"rejected out_of_range": 1})
+
+
+@pytest.mark.parametrize(("channel", "place", "name"), JOINTS)
+def test_a_value_in_metres_has_the_bounds_of_a_position_or_velocity_and_in_radians_not(
+    channel: str, place: int, name: str
+) -> None:
+    for bound in (METRES[name], -METRES[name]):
+        beyond = math.nextafter(bound, math.copysign(math.inf, bound))
+        for value in (beyond, 2.0 * bound):
+            in_metres = with_values(channel, {SPACE: IN_METRES, place: value})
+            assert refusal(Gate(channel), in_metres) == "out_of_range"
+            in_radians = with_values(channel, {SPACE: IN_RADIANS, place: value})
+            assert Gate(channel).take(in_radians)[1] == {"delivered": 1}
+        at_bound = with_values(channel, {SPACE: IN_METRES, place: bound})
+        assert Gate(channel).take(at_bound)[1] == {"delivered": 1}
+
+
+def test_a_datagram_of_version_1_is_refused() -> None:
+    assert refusal(Gate("reference"), bytes.fromhex(OLD_REFERENCE)) == "version"
+    assert refusal(Gate("setpoint"), bytes.fromhex(OLD_SETPOINT)) == "length"
+
+
+@pytest.mark.parametrize("channel", WIRE)
+def test_a_payload_of_today_under_version_1_is_refused(channel: str) -> None:
+    payload = with_values(channel, {})[HEADER_BYTES:-CRC_BYTES]
+    assert Gate(channel).take(datagram(channel, payload))[1] == {"delivered": 1}
+    assert refusal(Gate(channel), datagram(channel, payload, version=1)) == "version"
 
 
 @pytest.mark.parametrize("t_ns", [-1, 2**62 + 1])
 def test_a_stamp_out_of_its_bounds_is_refused(t_ns: int) -> None:
-    assert refusal(Gate("setpoint"), datagram("setpoint", bytes(24), t_ns=t_ns)) == "out_of_range"
+    payload = with_values("setpoint", {})[HEADER_BYTES:-CRC_BYTES]
+    assert refusal(Gate("setpoint"), datagram("setpoint", payload, t_ns=t_ns)) == "out_of_range"
 
 
 def setpoint(seq: int, t_ns: int = 0) -> Setpoint:
     """A message with a sequence number and a time stamp."""
-    return Setpoint(seq=seq, t_ns=t_ns, position_m=(0.0, 0.0, 0.0))
+    return axis_setpoint(seq, t_ns, (0.0, 0.0, 0.0))
 
 
 def test_a_copy_an_overtaken_packet_and_its_copy_have_counters_of_their_own() -> None:

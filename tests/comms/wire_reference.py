@@ -20,18 +20,25 @@ from comms.messages import (
     AngleSample,
     Frame,
     JointState,
+    LinkAngle,
+    LinkMotion,
     Message,
     Reference,
     RobotState,
     Setpoint,
+    Space,
     Truth,
 )
 
 SESSION = 0x5357_4159_4C45_5353
+VERSION = 2
 HEADER = "<2sBBHBxQIq"  # magic, version, channel, length, flags, pad, session, seq, t_ns
 HEADER_BYTES, CRC_BYTES = 28, 4
+CLOSING_BYTES = HEADER_BYTES + CRC_BYTES
 
 POSITION, VELOCITY = ("position_m",) * 3, ("velocity_m_s",) * 3
+VALUES = ("space", "count", *("values",) * 6)
+RATES = ("rates",) * 6
 STATE = (
     "t_actual_ns",
     *("commanded_m",) * 3,
@@ -40,35 +47,48 @@ STATE = (
     "phase",
 )
 ANGLE = (
-    *(
-        "t_valid_ns",
-        "angle_rad",
-        "sigma_rad",
-        "valid",
-        "reason",
-        "raw_rad",
-        "offset_rad",
-        "platform_m",
-        "rows",
-    ),
+    *("t_valid_ns", "swing_plane", "valid", "reason", "platform_m", "rows"),
     *("residual_px", "pivot_miss_px", "background", "saturation"),
 )
+LINK_ANGLE = ("angle_rad", "sigma_rad", "raw_rad", "offset_rad", "joint_px", "joint_px")
+LINK_MOTION = ("angle_x_rad", "angle_y_rad", "rate_x_rad_s", "rate_y_rad_s")
 PICTURE = ("t_exposure_start_ns", "exposure_ns", "row_ns", "camera", "encoding", "height", "width")
-# channel: id in the header, message, payload, name of each value of the payload
+# channel: id in the header, message, payload, name of each value of the payload; with one link
 WIRE: dict[str, tuple[int, type[Message], str, tuple[str, ...]]] = {
     "reference": (3, Reference, "q3d", ("t_target_ns", *POSITION)),
-    "setpoint": (4, Setpoint, "3d", POSITION),
-    "joint_state": (5, JointState, "6d", POSITION + VELOCITY),
+    "setpoint": (4, Setpoint, "2B6d", VALUES),
+    "joint_state": (5, JointState, "2B12d", VALUES + RATES),
     "robot_state": (6, RobotState, "q9dB", STATE),
-    "platform": (7, RobotState, "q9dB", STATE),
-    "frame": (8, Frame, "qqq16s8sHH", PICTURE),
-    "angle": (9, AngleSample, "qdd?BdddHdddd", ANGLE),
-    "truth": (10, Truth, "8d", ("angle_rad", "angular_velocity_rad_s", *POSITION, *VELOCITY)),
+    "platform_1": (7, RobotState, "q9dB", STATE),
+    "frame_1": (8, Frame, "qqq16s8sHH", PICTURE),
+    "angle_1": (9, AngleSample, "qB?BdH4d6d", ANGLE + LINK_ANGLE),
+    "truth": (10, Truth, "6d4d", POSITION + VELOCITY + LINK_MOTION),
 }
-LENGTH = {
-    name: HEADER_BYTES + struct.calcsize("<" + row[2]) + CRC_BYTES for name, row in WIRE.items()
-}
+# channel: payload of one link, and the most links of a message
+LINKS = {"angle_1": ("6d", 3), "truth": ("4d", 256)}
+MOST_DRAWN = {LinkAngle: 3, LinkMotion: 5}
+ZEROS = {"valid": True, "space": 1, "count": 6}  # and what is not 0 in a message of zeros
+METRES = {"values": 10.0, "rates": 100.0}  # bounds of the values where the space is metres
 channels = st.sampled_from(tuple(WIRE))
+
+
+def length(channel: str, links: int = 1) -> int:
+    """Length of a datagram with a number of links; of any datagram on a channel without links."""
+    whole = HEADER_BYTES + struct.calcsize("<" + WIRE[channel][2]) + CRC_BYTES
+    if channel not in LINKS:
+        return whole
+    return whole + (links - 1) * struct.calcsize("<" + LINKS[channel][0])
+
+
+def lengths(channel: str, most: int = 256) -> list[int]:
+    """Lengths of the messages of a channel, with at most that many links."""
+    known = min(most, LINKS[channel][1]) if channel in LINKS else 0
+    return [length(channel, links) for links in range(known + 1)]
+
+
+def links_of(message: Message) -> int:
+    """Number of links of a message; 0 for one that has none."""
+    return len(getattr(message, "links", ()))
 
 
 def datagram(
@@ -76,7 +96,7 @@ def datagram(
     payload: bytes,
     *,
     magic: bytes = b"SW",
-    version: int = 1,
+    version: int = VERSION,
     flags: int = 0,
     session: int = SESSION,
     seq: int = 0,
@@ -93,18 +113,23 @@ def datagram(
 
 
 def zeros(channel: str) -> list[Any]:
-    """Payload values that are all zero but `valid`; a valid message on every channel."""
-    values = struct.unpack(
-        "<" + WIRE[channel][2], bytes(LENGTH[channel] - HEADER_BYTES - CRC_BYTES)
-    )
-    return [name == "valid" or value for name, value in zip(WIRE[channel][3], values, strict=True)]
+    """Payload values that are all zero but those of ZEROS; a valid message on every channel."""
+    payload, names = "<" + WIRE[channel][2], WIRE[channel][3]
+    values = struct.unpack(payload, bytes(struct.calcsize(payload)))
+    return [ZEROS.get(name, value) for name, value in zip(names, values, strict=True)]
+
+
+def with_values(channel: str, changes: dict[int, Any]) -> bytes:
+    """Build a datagram of zeros except for the values at some places of its payload."""
+    values = zeros(channel)
+    for place, value in changes.items():
+        values[place] = value
+    return datagram(channel, struct.pack("<" + WIRE[channel][2], *values))
 
 
 def with_value(channel: str, place: int, value: Any) -> bytes:
     """Build a datagram of zeros except for one value of its payload."""
-    values = zeros(channel)
-    values[place] = value
-    return datagram(channel, struct.pack("<" + WIRE[channel][2], *values))
+    return with_values(channel, {place: value})
 
 
 def messages(channel: str) -> st.SearchStrategy[Any]:
@@ -119,7 +144,11 @@ def messages(channel: str) -> st.SearchStrategy[Any]:
 
 def _consistent(values: dict[str, Any]) -> dict[str, Any]:
     if "valid" in values:
-        values["valid"] = values["angle_rad"] is not None and values["sigma_rad"] is not None
+        values["valid"] = len(values["links"]) > 0
+    for name in METRES.keys() & values.keys():
+        scale = 0.01 if values["space"] is Space.METRES else 1.0  # to the bounds of metres
+        used = [scale * value for value in values[name][: values["count"]]]
+        values[name] = (*used, *[0.0] * (6 - len(used)))
     return values
 
 
@@ -136,6 +165,12 @@ def _values(kind: Any) -> st.SearchStrategy[Any]:
             return st.sampled_from(tuple(kind.cls))
         case inspect.TupleType():
             return st.tuples(*(_values(item) for item in kind.item_types))
+        case inspect.VarTupleType():
+            most = MOST_DRAWN[kind.item_type.cls]
+            return st.lists(_values(kind.item_type), max_size=most).map(tuple)
+        case inspect.StructType():
+            fields = {field.name: _values(field.type) for field in kind.fields}
+            return st.builds(kind.cls, **fields)
         case inspect.UnionType():
             return st.one_of(*(_values(item) for item in kind.types))
         case inspect.NoneType():

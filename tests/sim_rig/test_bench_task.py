@@ -9,7 +9,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from comms.messages import Command, Frame, JointState, Message, Phase, Reply, Setpoint, Truth, Verb
+from comms.messages import (
+    Command,
+    Frame,
+    JointState,
+    LinkMotion,
+    Message,
+    Phase,
+    Reply,
+    Setpoint,
+    Space,
+    Truth,
+    Verb,
+    axis_setpoint,
+)
 from comms.task import Send, Step, Task
 from sim_rig.bench import Bench
 from sim_rig.params import BenchParams, CameraParams, PendulumParams, View
@@ -22,7 +35,7 @@ BLIND = BenchParams(pendulum=PendulumParams(initial_swing_rad=0.2), view=View(ra
 
 
 def setpoint(seq: int, t_ns: int, x_m: float) -> Setpoint:
-    return Setpoint(seq=seq, t_ns=t_ns, position_m=(x_m, 0.0, 0.0))
+    return axis_setpoint(seq, t_ns, (x_m, 0.0, 0.0))
 
 
 def run(
@@ -49,6 +62,12 @@ def stamps(sends: list[Send], channel: str) -> list[int]:
     return [message.t_ns for message in messages(sends, channel)]
 
 
+def only_link(truth: Truth) -> LinkMotion:
+    """The cable of a load without further links."""
+    (link,) = truth.links
+    return link
+
+
 def facts(sends: list[Send], channel: str) -> list[object]:
     """Comparable content of the messages: pixels as bytes."""
     return [
@@ -61,8 +80,8 @@ def test_every_channel_keeps_its_own_grid() -> None:
     sends = run(BenchTask(SWINGING), range(5 * MS, 101 * MS, 5 * MS))
     assert stamps(sends, "joint_state") == [k * 5 * MS for k in range(21)]
     assert stamps(sends, "truth") == [k * 10 * MS for k in range(11)]
-    assert stamps(sends, "frame") == [k * 20 * MS + 10 * MS for k in range(5)]
-    for channel in ("joint_state", "truth", "frame"):
+    assert stamps(sends, "frame_1") == [k * 20 * MS + 10 * MS for k in range(5)]
+    for channel in ("joint_state", "truth", "frame_1"):
         numbers = [m.seq for m in messages(sends, channel)]
         assert numbers == list(range(len(numbers)))
 
@@ -82,7 +101,7 @@ def test_a_punctual_wake_serves_everything_at_its_time() -> None:
 
 
 def test_a_frame_holds_its_exposure_and_format() -> None:
-    frame = messages(run(BenchTask(SWINGING), [35 * MS]), "frame")[0]
+    frame = messages(run(BenchTask(SWINGING), [35 * MS]), "frame_1")[0]
     assert isinstance(frame, Frame)
     assert (frame.t_exposure_start_ns, frame.exposure_ns, frame.row_ns) == (0, 10 * MS, 0)
     assert (frame.camera, frame.encoding, frame.height, frame.width) == (
@@ -103,10 +122,10 @@ def test_readings_and_truth_are_those_of_the_bench_at_their_time_stamps() -> Non
     for truth in messages(sends, "truth")[1:]:
         assert isinstance(truth, Truth)
         plant.advance(truth.t_ns)
-        assert truth.angle_rad == pytest.approx(plant.angle_rad, abs=1e-13)
-        assert truth.angular_velocity_rad_s == pytest.approx(
-            plant.angular_velocity_rad_s, abs=1e-13
-        )
+        load = only_link(truth)
+        assert load.angle_x_rad == pytest.approx(plant.angle_rad, abs=1e-13)
+        assert load.rate_x_rad_s == pytest.approx(plant.angular_velocity_rad_s, abs=1e-13)
+        assert (load.angle_y_rad, load.rate_y_rad_s) == (0.0, 0.0)
         assert truth.position_m == pytest.approx(plant.position_m, abs=1e-15)
         assert truth.velocity_m_s == pytest.approx(plant.velocity_m_s, abs=1e-13)
     reading = messages(sends, "joint_state")[-1]
@@ -114,7 +133,8 @@ def test_readings_and_truth_are_those_of_the_bench_at_their_time_stamps() -> Non
     assert reading.t_ns == 30 * MS
     assert reading.position_m == pytest.approx(plant.position_m, abs=1e-15)
     assert reading.velocity_m_s == pytest.approx(plant.velocity_m_s, abs=1e-13)
-    assert reading.position_m[0] > 0.001
+    assert (reading.space, reading.count) == (Space.METRES, 3)
+    assert reading.values[0] > 0.001
 
 
 @given(wakes_ns=st.lists(st.integers(1, 199 * MS), max_size=12))
@@ -124,7 +144,7 @@ def test_truth_and_frames_do_not_depend_on_the_wake_up_times(wakes_ns: list[int]
     punctual, delayed = BenchTask(SWINGING), BenchTask(SWINGING)
     expected = run(punctual, range(5 * MS, 201 * MS, 5 * MS), arrivals)
     got = run(delayed, [*wakes_ns, 200 * MS], arrivals)
-    for channel in ("truth", "frame"):
+    for channel in ("truth", "frame_1"):
         assert facts(got, channel) == facts(expected, channel)
     assert punctual.late_ticks == 0
     assert delayed.late_ticks == len(messages(expected, "joint_state")) - len(
@@ -160,14 +180,14 @@ def test_a_long_delay_is_simulated_in_parts_and_loses_nothing() -> None:
     t_ns, calls = 10 * MAX_CATCH_UP_NS, 0
     while step.wake_ns is None or step.wake_ns <= t_ns:
         step = task.on_tick(t_ns)
-        assert len(messages(list(step.sends), "frame")) <= MAX_CATCH_UP_NS // (20 * MS) + 1
+        assert len(messages(list(step.sends), "frame_1")) <= MAX_CATCH_UP_NS // (20 * MS) + 1
         assert step.wake_ns is not None
         assert step.wake_ns >= t_ns
         sends += step.sends
         calls += 1
     assert calls >= 10
     assert stamps(sends, "truth") == list(range(0, t_ns + 1, 10 * MS))
-    assert stamps(sends, "frame") == list(range(10 * MS, t_ns + 1, 20 * MS))
+    assert stamps(sends, "frame_1") == list(range(10 * MS, t_ns + 1, 20 * MS))
 
 
 def test_setpoints_that_arrive_during_a_long_delay_act_at_their_own_time() -> None:
@@ -202,8 +222,8 @@ def test_a_load_is_released_at_the_start_and_stamps_stay_on_the_run_clock() -> N
     plant.advance(7 * MS)
     assert isinstance(truth, Truth)
     assert truth.t_ns == 1010 * MS
-    assert truth.angle_rad == pytest.approx(plant.angle_rad, abs=1e-12)
-    assert stamps(list(task.on_tick(1050 * MS).sends), "frame") == [1030 * MS, 1050 * MS]
+    assert only_link(truth).angle_x_rad == pytest.approx(plant.angle_rad, abs=1e-12)
+    assert stamps(list(task.on_tick(1050 * MS).sends), "frame_1") == [1030 * MS, 1050 * MS]
 
 
 def test_the_picture_shows_the_platform_and_the_angle_of_mid_exposure() -> None:
@@ -212,7 +232,7 @@ def test_the_picture_shows_the_platform_and_the_angle_of_mid_exposure() -> None:
         camera=CameraParams(noise=0.0, pitch_deg=0.0),
     )
     sends = run(BenchTask(params), range(5 * MS, 300 * MS, 5 * MS), [(50 * MS, 0.1)])
-    for frame in messages(sends, "frame")[1:]:
+    for frame in messages(sends, "frame_1")[1:]:
         assert isinstance(frame, Frame)
         dark = 200.0 - frame.pixels.astype(float)
         centroid = (dark * np.arange(640)).sum(axis=1) / dark.sum(axis=1)

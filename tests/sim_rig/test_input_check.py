@@ -8,7 +8,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from comms.messages import JointState, Phase, Reply, Setpoint
+from comms.messages import (
+    Command,
+    JointState,
+    Phase,
+    Reply,
+    Setpoint,
+    Space,
+    Verb,
+    axis_setpoint,
+)
 from comms.task import Send
 from sim_rig.input_check import InputBounds, InputCheck
 from sim_rig.params import BenchParams, View
@@ -103,8 +112,7 @@ def test_after_a_pause_of_the_sender_the_robot_starts_from_rest() -> None:
 def sent(task: BenchTask, seq: int, x_m: float) -> list[Send]:
     """Steps of the bench after a setpoint for tick seq, up to the next tick."""
     t_ns = seq * TICK_NS
-    setpoint = Setpoint(seq=seq, t_ns=t_ns, position_m=(x_m, 0.0, 0.0))
-    first = task.on_message("setpoint", setpoint, t_ns)
+    first = task.on_message("setpoint", axis_setpoint(seq, t_ns, (x_m, 0.0, 0.0)), t_ns)
     return [*first.sends, *task.on_tick(t_ns + TICK_NS).sends]
 
 
@@ -120,7 +128,7 @@ def after_a_forged_setpoint(bounds: InputBounds | None) -> list[Send]:
     sends = []
     for seq, x_m in enumerate(windows(0.1, 0.1), start=1):
         sends += sent(task, seq, x_m)
-    forged = Setpoint(seq=100_012, t_ns=13 * TICK_NS, position_m=(-9.9, 0.0, 0.0))
+    forged = axis_setpoint(100_012, 13 * TICK_NS, (-9.9, 0.0, 0.0))
     sends += task.on_message("setpoint", forged, 13 * TICK_NS).sends
     for tick in range(14, 214):
         sends += task.on_tick(tick * TICK_NS).sends
@@ -153,6 +161,51 @@ def test_a_robot_that_stopped_by_itself_takes_no_setpoint_any_more() -> None:
         sends += sent(task, seq, 0.0004 * seq)
     assert farthest_m(sends) == 0.0
     assert len([s for s in sends if isinstance(s.message, Reply)]) == 1
+
+
+@pytest.mark.parametrize(
+    ("space", "count", "said"),
+    [
+        pytest.param(Space.RADIANS, 6, "setpoint of 6 joints in rad", id="six_in_rad"),
+        pytest.param(Space.RADIANS, 3, "setpoint of 3 joints in rad", id="three_in_rad"),
+        pytest.param(Space.METRES, 2, "setpoint of 2 joints in m", id="two_in_m"),
+    ],
+)
+@pytest.mark.parametrize("bounds", [None, COUNTING, BOUNDS], ids=["none", "counting", "stopping"])
+def test_a_setpoint_for_another_robot_does_not_move_this_one_and_stops_it(
+    bounds: InputBounds | None, space: Space, count: int, said: str
+) -> None:
+    task = BenchTask(BenchParams(view=View(rate_hz=0.0), input=bounds))
+    task.start(0)
+    values = (*[0.02] * count, *[0.0] * (6 - count))
+    foreign = Setpoint(seq=1, t_ns=TICK_NS, space=space, count=count, values=values)
+    sends = list(task.on_message("setpoint", foreign, TICK_NS).sends)
+    (report,) = [s.message for s in sends if isinstance(s.message, Reply)]
+    assert (report.id, report.ok, report.exit, report.phase) == (0, False, 5, Phase.FAULT)
+    assert report.text == f"{said}; must be x, y, z in m; the robot stopped by itself"
+    for seq in range(2, 100):
+        sends += sent(task, seq, 0.0004 * seq)
+    assert farthest_m(sends) == 0.0
+    assert len([s for s in sends if isinstance(s.message, Reply)]) == 1
+    status = Command(seq=0, t_ns=0, id=3, to="bench", verb=Verb.STATUS)
+    (answer,) = task.on_message("command", status, 100 * TICK_NS).sends
+    assert isinstance(answer.message, Reply)
+    assert answer.message.phase is Phase.FAULT
+
+
+def test_a_moving_robot_stops_at_its_last_own_setpoint_when_one_for_another_comes() -> None:
+    task = BenchTask(BenchParams(view=View(rate_hz=0.0), input=BOUNDS))
+    task.start(0)
+    places = windows(0.1, 0.1)
+    for seq, x_m in enumerate(places, start=1):
+        sent(task, seq, x_m)
+    foreign = Setpoint(
+        seq=13, t_ns=13 * TICK_NS, space=Space.RADIANS, count=3, values=(1.0,) * 3 + (0.0,) * 3
+    )
+    task.on_message("setpoint", foreign, 13 * TICK_NS)
+    later = [send for tick in range(14, 214) for send in task.on_tick(tick * TICK_NS).sends]
+    readings = [s.message for s in later if isinstance(s.message, JointState)]
+    assert readings[-1].position_m == pytest.approx((places[-1], 0.0, 0.0), abs=1e-6)
 
 
 def test_counting_counts_every_setpoint_outside() -> None:

@@ -18,9 +18,11 @@ from comms.messages import (
     Command,
     Frame,
     InvalidReason,
+    LinkAngle,
     Phase,
     Reply,
     RobotState,
+    SwingPlane,
     Verb,
 )
 from comms.task import NO_STEP, Step
@@ -84,14 +86,21 @@ def frame(pixels: Grey, start_ns: int, row_ns: int = 0, encoding: str = "mono8")
 
 def angle_of(step: Step) -> AngleSample:
     (send,) = step.sends
-    assert send.channel == "angle"
+    assert send.channel == "angle_1"
     assert isinstance(send.message, AngleSample)
     assert send.at_ns == send.message.t_ns
     return send.message
 
 
 def look(vision: VisionTask, pixels: Grey, start_ns: int, **kind: Any) -> AngleSample:
-    return angle_of(vision.on_message("frame", frame(pixels, start_ns, **kind), start_ns + 18 * MS))
+    picture = frame(pixels, start_ns, **kind)
+    return angle_of(vision.on_message("frame_1", picture, start_ns + 18 * MS))
+
+
+def cable_of(sample: AngleSample) -> LinkAngle:
+    (cable,) = sample.links
+    assert sample.cable == cable
+    return cable
 
 
 def cable_at(camera: Camera, angle_rad: float, x_m: float = 0.0) -> Grey:
@@ -104,25 +113,39 @@ def test_an_angle_leaves_after_the_processing_time_and_is_stamped_at_mid_exposur
     camera: Camera,
 ) -> None:
     vision = task(processing_ns=3 * MS)
-    vision.on_message("platform", platform(100 * MS, 0.05), 102 * MS)
+    vision.on_message("platform_1", platform(100 * MS, 0.05), 102 * MS)
     sample = look(vision, cable_at(camera, 0.1, 0.05), 100 * MS)
     assert sample.valid
     assert sample.reason is InvalidReason.NONE
     assert sample.t_ns == 118 * MS + 3 * MS
     assert sample.t_valid_ns == 105 * MS
-    assert sample.angle_rad == pytest.approx(0.1, abs=1e-4)
+    assert sample.swing_plane is SwingPlane.X
+    assert cable_of(sample).angle_rad == pytest.approx(0.1, abs=1e-4)
     assert sample.platform_m == 0.05
     assert sample.pivot_miss_px == pytest.approx(0.0, abs=0.1)
+
+
+@pytest.mark.parametrize("angle_rad", [-0.1, 0.0, 0.2])
+def test_the_joint_is_where_the_cable_crosses_the_row_of_the_predicted_pivot(
+    camera: Camera, angle_rad: float
+) -> None:
+    vision = task()
+    vision.on_message("platform_1", platform(105 * MS, 0.04), 106 * MS)
+    seen_m = 0.042  # 1 px beside the prediction
+    sample = look(vision, cable_at(camera, angle_rad, seen_m), 100 * MS)
+    joint_px = cable_of(sample).joint_px
+    assert joint_px == pytest.approx((PIVOT_PX[0] + PIXELS_PER_M * seen_m, PIVOT_PX[1]), abs=0.1)
+    assert sample.pivot_miss_px == pytest.approx(1.0, abs=0.1)
 
 
 def test_the_average_of_three_frames_holds_at_their_middle(camera: Camera) -> None:
     vision = task()
     for k, angle in enumerate((0.10, 0.11, 0.12)):
         start_ns = k * PERIOD_NS
-        vision.on_message("platform", platform(start_ns, 0.0), start_ns)
+        vision.on_message("platform_1", platform(start_ns, 0.0), start_ns)
         sample = look(vision, cable_at(camera, angle), start_ns)
-    assert sample.angle_rad == pytest.approx(0.11, abs=1e-4)
-    assert sample.raw_rad == pytest.approx(0.12, abs=1e-4)
+    assert cable_of(sample).angle_rad == pytest.approx(0.11, abs=1e-4)
+    assert cable_of(sample).raw_rad == pytest.approx(0.12, abs=1e-4)
     assert sample.t_valid_ns == PERIOD_NS + 5 * MS
     assert sample.seq == 2
 
@@ -130,17 +153,18 @@ def test_the_average_of_three_frames_holds_at_their_middle(camera: Camera) -> No
 def test_the_offset_is_subtracted_at_the_platform_position_of_each_frame(camera: Camera) -> None:
     vision = task(x_m=[0.0, 0.2], offset_rad=[0.0, -0.004])
     for k, x_m in enumerate((0.05, 0.10, 0.15)):
-        vision.on_message("platform", platform(k * PERIOD_NS + 5 * MS, x_m), k * PERIOD_NS + 6 * MS)
+        t_ns = k * PERIOD_NS + 5 * MS
+        vision.on_message("platform_1", platform(t_ns, x_m), t_ns + MS)
         sample = look(vision, cable_at(camera, 0.05 - 0.02 * x_m, x_m), k * PERIOD_NS)
-        assert sample.offset_rad == pytest.approx(-0.02 * x_m, abs=1e-12)
-        assert sample.angle_rad == pytest.approx(0.05, abs=1e-4)
+        assert cable_of(sample).offset_rad == pytest.approx(-0.02 * x_m, abs=1e-12)
+        assert cable_of(sample).angle_rad == pytest.approx(0.05, abs=1e-4)
 
 
 def test_the_platform_is_interpolated_to_mid_exposure_along_a_smooth_move(camera: Camera) -> None:
     vision = task()
     for t_s in (0.09, 0.10, 0.11):
         vision.on_message(
-            "platform", platform(round(t_s * 1e9), t_s**3, 3.0 * t_s**2), round(t_s * 1e9)
+            "platform_1", platform(round(t_s * 1e9), t_s**3, 3.0 * t_s**2), round(t_s * 1e9)
         )
     # Hermite interpolation reproduces a cubic
     sample = look(vision, cable_at(camera, 0.0), 100 * MS)
@@ -152,7 +176,7 @@ def test_the_platform_is_extrapolated_20_ms_and_no_further(
     camera: Camera, age_ms: int, known: bool
 ) -> None:
     vision = task()
-    vision.on_message("platform", platform((105 - age_ms) * MS, 0.01, 0.2), 100 * MS)
+    vision.on_message("platform_1", platform((105 - age_ms) * MS, 0.01, 0.2), 100 * MS)
     x_m = 0.01 + 0.2 * age_ms * 1e-3
     sample = look(vision, cable_at(camera, 0.0, x_m), 100 * MS)
     assert sample.valid is known
@@ -162,8 +186,8 @@ def test_the_platform_is_extrapolated_20_ms_and_no_further(
 
 def test_a_platform_message_older_than_the_newest_changes_nothing(camera: Camera) -> None:
     vision = task()
-    vision.on_message("platform", platform(104 * MS, 0.02), 105 * MS)
-    vision.on_message("platform", platform(94 * MS, 9.0), 106 * MS)
+    vision.on_message("platform_1", platform(104 * MS, 0.02), 105 * MS)
+    vision.on_message("platform_1", platform(94 * MS, 9.0), 106 * MS)
     assert look(vision, cable_at(camera, 0.0, 0.02), 100 * MS).platform_m == 0.02
 
 
@@ -171,37 +195,31 @@ def test_an_invalid_frame_gives_a_reason_and_no_value_and_restarts_the_average(
     camera: Camera,
 ) -> None:
     vision = task()
-    vision.on_message("platform", platform(45 * MS, 0.0), 46 * MS)
+    vision.on_message("platform_1", platform(45 * MS, 0.0), 46 * MS)
     look(vision, cable_at(camera, 0.1), 30 * MS)
     lost = look(vision, camera.expose(Scene(contrast=0.0).light()), 50 * MS)
     assert (lost.valid, lost.reason) == (False, InvalidReason.NO_CABLE)
-    assert (lost.angle_rad, lost.sigma_rad, lost.raw_rad, lost.offset_rad) == (
-        None,
-        None,
-        None,
-        None,
-    )
-    vision.on_message("platform", platform(65 * MS, 0.0), 66 * MS)
+    assert (lost.links, lost.cable) == ((), None)
+    vision.on_message("platform_1", platform(65 * MS, 0.0), 66 * MS)
     again = look(vision, cable_at(camera, 0.2), 60 * MS)
     assert again.t_valid_ns == 65 * MS
-    assert again.angle_rad == again.raw_rad
+    assert cable_of(again).angle_rad == cable_of(again).raw_rad
 
 
 def test_a_platform_outside_the_offset_table_gives_no_angle(camera: Camera) -> None:
     vision = task(x_m=[0.0, 0.1], offset_rad=[0.0, 0.0])
-    vision.on_message("platform", platform(105 * MS, 0.11), 106 * MS)
+    vision.on_message("platform_1", platform(105 * MS, 0.11), 106 * MS)
     sample = look(vision, cable_at(camera, 0.0, 0.11), 100 * MS)
-    assert (sample.reason, sample.angle_rad) == (InvalidReason.OUT_OF_RANGE, None)
+    assert (sample.reason, sample.links) == (InvalidReason.OUT_OF_RANGE, ())
 
 
 def test_a_colour_picture_is_read_in_its_red_plane(camera: Camera) -> None:
     vision = task()
-    vision.on_message("platform", platform(105 * MS, 0.0), 106 * MS)
+    vision.on_message("platform_1", platform(105 * MS, 0.0), 106 * MS)
     red = cable_at(camera, -0.1)
     picture = np.stack([cable_at(camera, 0.3), np.full_like(red, 40), red], axis=2)
-    assert look(vision, picture, 100 * MS, encoding="bgr8").angle_rad == pytest.approx(
-        -0.1, abs=1e-4
-    )
+    sample = look(vision, picture, 100 * MS, encoding="bgr8")
+    assert cable_of(sample).angle_rad == pytest.approx(-0.1, abs=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -210,7 +228,7 @@ def test_a_colour_picture_is_read_in_its_red_plane(camera: Camera) -> None:
 )
 def test_a_picture_of_the_wrong_size_is_a_bad_image(shape: tuple[int, ...], encoding: str) -> None:
     vision = task()
-    vision.on_message("platform", platform(105 * MS, 0.0), 106 * MS)
+    vision.on_message("platform_1", platform(105 * MS, 0.0), 106 * MS)
     assert (
         look(vision, np.zeros(shape, np.uint8), 100 * MS, encoding=encoding).reason
         is InvalidReason.BAD_IMAGE
@@ -226,10 +244,10 @@ def test_the_angle_of_a_rolling_shutter_holds_at_the_read_out_of_the_last_rows(
         angle = 0.05 + rate * (row + 3.5) * row_ns * 1e-9
         light[row : row + 8] = Scene(angle_rad=angle).light()[row : row + 8]
     vision = task()
-    vision.on_message("platform", platform(105 * MS, 0.0), 106 * MS)
+    vision.on_message("platform_1", platform(105 * MS, 0.0), 106 * MS)
     sample = look(vision, camera.expose(light), round(start_s * 1e9), row_ns=row_ns)
     truth = 0.05 + rate * (sample.t_valid_ns * 1e-9 - start_s - 0.005)
-    assert sample.angle_rad == pytest.approx(truth, abs=2e-4)
+    assert cable_of(sample).angle_rad == pytest.approx(truth, abs=2e-4)
 
 
 @pytest.mark.parametrize("verb", list(Verb))

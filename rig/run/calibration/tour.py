@@ -110,9 +110,9 @@ def default_path(folder: Path, calibration: Calibration) -> Path:
 def _record(samples: list[AngleSample], t0_s: float, t1_s: float) -> SwingRecord:
     """Select the samples stamped within [t0_s, t1_s]."""
     rows = [
-        (a.t_valid_ns * 1e-9, a.raw_rad, a.platform_m, a.pivot_miss_px)
+        (a.t_valid_ns * 1e-9, a.cable.raw_rad, a.platform_m, a.pivot_miss_px)
         for a in samples
-        if t0_s <= a.t_valid_ns * 1e-9 <= t1_s
+        if a.cable is not None and t0_s <= a.t_valid_ns * 1e-9 <= t1_s
     ]
     t, raw, platform, miss = np.array(rows, dtype=np.float64).reshape(-1, 4).T
     return SwingRecord(t_s=t, raw_rad=raw, platform_m=platform, pivot_miss_px=miss)

@@ -192,13 +192,14 @@ class Streamer:
         )
 
     def _take_angle(self, sample: AngleSample, t_ns: int) -> None:
-        if not sample.valid or sample.angle_rad is None:
+        cable = sample.cable
+        if cable is None:
             self._invalid_reason = sample.reason.value
             return
         self._angle_ns = t_ns
         self._invalid_reason = ""
         if self._phase is Phase.RUNNING and self._tick < self._settings.move_ticks[0]:
-            self._quiet_samples.append((sample.t_valid_ns * 1e-9, sample.angle_rad))
+            self._quiet_samples.append((sample.t_valid_ns * 1e-9, cable.angle_rad))
 
     def _handle_order(self, order: Command, t_ns: int) -> Step:
         refused = refusal(self._phase, order.verb)

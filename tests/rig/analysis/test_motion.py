@@ -8,7 +8,15 @@ import msgspec
 import pytest
 
 from comms.errors import LogError
-from comms.messages import Command, JointState, Setpoint, Verb
+from comms.messages import (
+    Command,
+    JointState,
+    Setpoint,
+    Space,
+    Verb,
+    axis_setpoint,
+    axis_state,
+)
 from rig.analysis.analyze import RunAnalysis
 from rig.analysis.motion import motion_peaks
 from rig.analysis.run_log import RunLog
@@ -57,11 +65,10 @@ def peaks(
         if pause_tick is not None and tick >= pause_tick:
             t_ns += 200 * MS
         place = (0.0, x_m, 0.0)
-        recorder.message("setpoint", Setpoint(seq=tick, t_ns=t_ns, position_m=place), t_ns)
+        recorder.message("setpoint", axis_setpoint(tick, t_ns, place), t_ns)
         t_ns += 25 * MS
         velocity = (0.0, 0.0, speed)
-        reading = JointState(seq=tick, t_ns=t_ns, position_m=place, velocity_m_s=velocity)
-        recorder.message("joint_state", reading, t_ns)
+        recorder.message("joint_state", axis_state(tick, t_ns, place, velocity), t_ns)
         if tick == stop_tick:
             stop = Command(seq=1, t_ns=t_ns, id=1, to="controller", verb=Verb.STOP)
             recorder.message("command", stop, t_ns)
@@ -126,6 +133,22 @@ def test_a_log_without_bounds_has_peaks_alone(tmp_path: Path) -> None:
     assert found.text == (
         "asked 0.90 m/s, 26.67 m/s2; reached 0.90 m/s, 26.67 m/s2; following error 4.50 mm"
     )
+
+
+def test_joints_that_are_no_axes_in_metres_have_no_peaks(tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path / "run.mcap", START, job().attachments(), 0)
+    values = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
+    joints = {"space": Space.RADIANS, "count": 6, "values": values}
+    for tick in range(20):
+        t_ns = tick * TICK_NS
+        recorder.message("setpoint", Setpoint(seq=tick, t_ns=t_ns, **joints), t_ns)
+        reading = JointState(seq=tick, t_ns=t_ns, rates=values, **joints)
+        recorder.message("joint_state", reading, t_ns)
+    recorder.close({}, {"exit_status": "ok", "exit_code": "0"}, 10)
+    found = motion_peaks(RunLog.open(tmp_path / "run.mcap"))
+    assert (found.asked_speed_m_s, found.asked_acceleration_m_s2) == (None, None)
+    assert (found.reached_speed_m_s, found.reached_acceleration_m_s2) == (None, None)
+    assert (found.following_error_m, found.setpoints_outside) == (None, 0)
 
 
 def test_the_text_sets_every_peak_beside_its_bound(tmp_path: Path) -> None:

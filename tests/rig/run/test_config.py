@@ -12,7 +12,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rig.errors import USAGE, ConfigError
+from comms.link import LinkFaults
+from rig.errors import USAGE, ConfigError, RenamedKey
 from rig.run import config
 from rig.run.config import Experiment
 from rig.run.runtime import bench
@@ -22,7 +23,7 @@ SECTIONS = (
     "experiment, move, model, plan, limits, safety, controller, camera, vision, links, "
     "network, record, bench"
 )
-LINKS = "reference, setpoint, joint_state, robot_state, platform, frame, angle"
+LINKS = "reference, setpoint, joint_state, robot_state, platform_1, frame_1, angle_1"
 
 
 def said(path: Path, text: str) -> str:
@@ -87,17 +88,17 @@ MISTAKES = {
         f"[links.command]: no such link; links: {LINKS}",
     ),
     "an unknown key of a link": (
-        SMALLEST + "[links.angle]\ndelay = 3",
-        "[links.angle] delay: unknown key, did you mean 'delay_ms'?; "
+        SMALLEST + "[links.angle_1]\ndelay = 3",
+        "[links.angle_1] delay: unknown key, did you mean 'delay_ms'?; "
         "known keys: delay_ms, jitter_ms, loss, burst",
     ),
     "a link out of bounds": (
-        SMALLEST + "[links.angle]\nloss = 1.5",
-        "[links.angle] loss = 1.5: expected `float` < 1.0; correct the value",
+        SMALLEST + "[links.angle_1]\nloss = 1.5",
+        "[links.angle_1] loss = 1.5: expected `float` < 1.0; correct the value",
     ),
     "a link that is no table": (
-        SMALLEST + "[links]\nangle = 3",
-        "[links] angle = 3: expected `object`, got `int`; correct the value",
+        SMALLEST + "[links]\nangle_1 = 3",
+        "[links] angle_1 = 3: expected `object`, got `int`; correct the value",
     ),
     "links that are no table": (
         "links = [1]\n" + SMALLEST,
@@ -349,10 +350,56 @@ def test_an_override_wins_over_the_file(
 
 def test_overrides_make_links_and_reach_the_bench() -> None:
     e = config.read_experiment(
-        "move", ["links.angle.loss=0.5", "bench.pendulum.length_m=0.7", "links.angle.loss=0.25"]
+        "move",
+        ["links.angle_1.loss=0.5", "bench.pendulum.length_m=0.7", "links.angle_1.loss=0.25"],
     )
-    assert e.links["angle"].loss == 0.25
+    assert e.links["angle_1"].loss == 0.25
     assert e.bench.pendulum["length_m"] == 0.7
+
+
+OLD_LINKS = [("platform", "platform_1"), ("frame", "frame_1"), ("angle", "angle_1")]
+
+
+@pytest.mark.parametrize(("old", "new"), OLD_LINKS)
+def test_a_link_of_an_old_name_is_read_under_its_new_one_with_a_note(
+    tmp_path: Path, old: str, new: str
+) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text(SMALLEST + f"[links.{old}]\nloss = 0.5\ndelay_ms = 3")
+    with pytest.warns(RenamedKey) as notes:
+        e = config.read_experiment(str(file), [])
+    (note,) = notes
+    assert str(note.message) == (
+        f"[links.{old}] is now called [links.{new}]; rename it in the file"
+    )
+    assert e.links == {new: LinkFaults(loss=0.5, delay_ms=3.0)}
+
+
+@pytest.mark.parametrize(("old", "new"), OLD_LINKS)
+def test_a_link_under_both_names_is_refused(tmp_path: Path, old: str, new: str) -> None:
+    assert said(tmp_path, SMALLEST + f"[links.{old}]\nloss = 0.5\n[links.{new}]\nloss = 0.5") == (
+        f"[links.{old}] and [links.{new}] are the same table; must stand once: keep [links.{new}]"
+    )
+
+
+def test_an_override_of_an_old_link_is_read_under_its_new_name_with_a_note() -> None:
+    with pytest.warns(RenamedKey, match=r"\[links\.angle\] is now called \[links\.angle_1\]"):
+        e = config.read_experiment("move", ["links.angle.loss=0.5"])
+    assert e.links["angle_1"].loss == 0.5
+    assert "angle" not in e.links
+
+
+def test_an_override_of_an_old_link_beside_the_new_one_of_the_file_is_refused() -> None:
+    assert said_of_override("links.frame.loss=0.5") == (
+        "[links.frame] and [links.frame_1] are the same table; must stand once: "
+        "keep [links.frame_1]"
+    )
+
+
+def test_a_mistake_in_a_link_of_an_old_name_is_named_under_the_new_one(tmp_path: Path) -> None:
+    with pytest.warns(RenamedKey):
+        complaint = said(tmp_path, SMALLEST + "[links.angle]\nloss = 1.5")
+    assert complaint == "[links.angle_1] loss = 1.5: expected `float` < 1.0; correct the value"
 
 
 def test_an_override_leaves_everything_else_as_it_was() -> None:

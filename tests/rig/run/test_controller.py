@@ -20,7 +20,9 @@ from comms.messages import (
     Reply,
     RobotState,
     Setpoint,
+    Space,
     Verb,
+    axis_state,
 )
 from comms.task import NO_STEP, Step
 from rig.run.tasks.controller.task import (
@@ -54,7 +56,7 @@ def order(verb: Verb, t_ns: int = 0, id: int = 7) -> Command:
 
 def joints(t_ns: int, position_m: Position = PARKED) -> JointState:
     """Joint state from the encoders."""
-    return JointState(seq=0, t_ns=t_ns, position_m=position_m, velocity_m_s=(0.1, 0.2, 0.3))
+    return axis_state(0, t_ns, position_m, (0.1, 0.2, 0.3))
 
 
 def reference(x_m: float, t_target_ns: int) -> Reference:
@@ -179,13 +181,13 @@ def test_setpoints_leave_at_every_tick_and_the_state_at_every_other_one_to_both_
         [send.channel for send in step.sends if isinstance(send.message, RobotState)]
         for step in steps
     ]
-    assert channels == [["robot_state", "platform"], []] * 10
+    assert channels == [["robot_state", "platform_1"], []] * 10
 
 
 def test_setpoints_and_states_are_counted_without_a_gap() -> None:
     steps = run(after(Verb.ARM), range(20))
     assert [s.seq for step in steps for s in setpoints(step)] == list(range(20))
-    for channel in ("robot_state", "platform"):
+    for channel in ("robot_state", "platform_1"):
         counts = [
             send.message.seq for step in steps for send in step.sends if send.channel == channel
         ]
@@ -326,6 +328,91 @@ def test_silent_encoders_are_a_fault_after_100_ms(verbs: tuple[Verb, ...]) -> No
 
 def test_silent_encoders_before_arming_are_no_fault() -> None:
     assert news(run(after(), range(100), encoders=False)) == []
+
+
+OTHER_ROBOT = "must be x, y, z in m: the robot of the bench is not that of the controller"
+OTHER_JOINTS = [
+    pytest.param(Space.RADIANS, 6, "joint states of 6 joints in rad", id="six_in_rad"),
+    pytest.param(Space.RADIANS, 3, "joint states of 3 joints in rad", id="three_in_rad"),
+    pytest.param(Space.METRES, 2, "joint states of 2 joints in m", id="two_in_m"),
+]
+
+
+def other_joints(t_ns: int, space: Space = Space.RADIANS, count: int = 6) -> JointState:
+    """Joint state of a robot whose joints are not the axes x, y, z in m."""
+    values = (*[0.3] * count, *[0.0] * (6 - count))
+    return JointState(seq=0, t_ns=t_ns, space=space, count=count, values=values, rates=values)
+
+
+def run_with_other_joints(controller: ControllerTask, ticks: range) -> list[Step]:
+    """Ticks from t_start on; before each, a reference and joint states of another robot."""
+    steps = []
+    for k in ticks:
+        t_ns = T_START_NS + k * TICK_NS
+        tell(controller, other_joints(t_ns), t_ns)
+        tell(controller, reference(0.06, t_ns), t_ns)
+        steps.append(controller.on_tick(t_ns))
+    return steps
+
+
+@pytest.mark.parametrize(("space", "count", "said"), OTHER_JOINTS)
+@pytest.mark.parametrize("verb", [Verb.STATUS, Verb.ARM])
+def test_joints_of_another_robot_are_refused_by_their_count_and_unit(
+    verb: Verb, space: Space, count: int, said: str
+) -> None:
+    controller = ControllerTask(ControllerSettings(reference_stale_ns=STALE_NS))
+    controller.start(0)
+    tell(controller, other_joints(MS, space, count), MS)
+    (reply,) = replies(tell(controller, order(verb, id=12), 2 * MS))
+    assert (reply.id, reply.ok, reply.phase) == (12, False, Phase.IDLE)
+    assert reply.text == f"{said}; {OTHER_ROBOT}"
+
+
+def test_a_controller_that_hears_another_robot_alone_never_sends_anything() -> None:
+    controller = ControllerTask(ControllerSettings(reference_stale_ns=STALE_NS))
+    controller.start(T_START_NS - TICK_NS)
+    for verb in (Verb.ARM, Verb.START):
+        tell(controller, other_joints(T_START_NS), T_START_NS)
+        (reply,) = replies(tell(controller, order(verb), T_START_NS))
+        assert not reply.ok
+    steps = run_with_other_joints(controller, range(100))
+    assert [list(step.sends) for step in steps] == [[]] * 100
+
+
+def test_joints_of_another_robot_are_neither_commanded_nor_reported() -> None:
+    controller = after(Verb.ARM)
+    steps = run_with_other_joints(controller, range(20))
+    assert {s.position_m for step in steps for s in setpoints(step)} == {PARKED}
+    messages = [send.message for step in steps for send in step.sends]
+    states = [m for m in messages if isinstance(m, RobotState)]
+    assert {(s.actual_m, s.t_actual_ns) for s in states} == {(PARKED, T_START_NS)}
+
+
+@pytest.mark.parametrize("verbs", [(Verb.ARM,), (Verb.ARM, Verb.START)], ids=["armed", "running"])
+def test_joints_of_another_robot_are_a_fault_after_100_ms_with_that_cause(
+    verbs: tuple[Verb, ...],
+) -> None:
+    steps = run_with_other_joints(after(*verbs), range(40))
+    ((k, report),) = [(k, r) for k, step in enumerate(steps) for r in replies(step)]
+    assert k == 21
+    assert (report.id, report.ok, report.exit, report.phase) == (0, False, 5, Phase.FAULT)
+    assert report.text == (
+        "no joint state for 105 ms; must be <= 100 ms (safety.robot_stale_ms): "
+        f"joint states of 6 joints in rad; {OTHER_ROBOT}"
+    )
+    assert len(set(xs(steps[k:]))) == 1, "the setpoint stays where it is"
+
+
+def test_once_the_right_robot_is_heard_its_silence_is_called_silence() -> None:
+    controller = ControllerTask(ControllerSettings(reference_stale_ns=STALE_NS))
+    controller.start(T_START_NS - TICK_NS)
+    tell(controller, other_joints(T_START_NS), T_START_NS)
+    tell(controller, joints(T_START_NS), T_START_NS)
+    assert replies(tell(controller, order(Verb.ARM), T_START_NS))[0].ok
+    (report,) = news(run(controller, range(40), encoders=False))
+    assert report.text.endswith(": nothing arrived from the bench")
+    (reply,) = replies(tell(controller, order(Verb.STATUS), T_START_NS + 40 * TICK_NS))
+    assert reply.text.startswith("no joint state arrives from the encoders")
 
 
 def at_speed() -> ControllerTask:

@@ -10,7 +10,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from comms.messages import Command, JointState, Position, Reference, Reply, Setpoint, Verb
+from comms.messages import (
+    Command,
+    JointState,
+    Position,
+    Reference,
+    Reply,
+    Setpoint,
+    Verb,
+    axis_state,
+)
 from rig.analysis.run_log import RunLog
 from rig.run import config, experiment
 from rig.run.runs import LOG
@@ -86,7 +95,7 @@ def sent_ticks(
         ControllerSettings(reference_stale_ns=60_000 * MS, envelope=ENVELOPE, policy=policy)
     )
     task.start(T_START_NS - TICK_NS)
-    reading = JointState(seq=0, t_ns=T_START_NS, position_m=HOME, velocity_m_s=HOME)
+    reading = axis_state(0, T_START_NS, HOME, HOME)
     task.on_message("joint_state", reading, T_START_NS)
     for verb in (Verb.ARM, Verb.START):
         order = Command(seq=0, t_ns=0, id=7, to="controller", verb=verb, t_start_ns=T_START_NS)
@@ -107,7 +116,7 @@ def sent_ticks(
                 seq=k, t_ns=t_target_ns, t_target_ns=t_target_ns, position_m=places[k]
             )
             task.on_message("reference", reference, t_rx_ns)
-        reading = JointState(seq=0, t_ns=t_ns, position_m=actual, velocity_m_s=HOME)
+        reading = axis_state(0, t_ns, actual, HOME)
         task.on_message("joint_state", reading, t_ns)
         for send in task.on_tick(t_ns).sends:
             if isinstance(send.message, Setpoint):

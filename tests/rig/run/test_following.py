@@ -4,9 +4,19 @@ from __future__ import annotations
 
 import pytest
 
-from comms.messages import Command, JointState, Phase, Position, Reference, Reply, Setpoint, Verb
+from comms.messages import (
+    Command,
+    Phase,
+    Position,
+    Reference,
+    Reply,
+    Setpoint,
+    Verb,
+    axis_state,
+)
 from comms.task import Send
 from rig.run.tasks.controller.following import FollowingWatch
+from rig.run.tasks.controller.platform import PlatformState
 from rig.run.tasks.controller.task import ControllerSettings, ControllerTask
 
 MS = 1_000_000
@@ -15,9 +25,9 @@ T_START_NS = 600 * MS
 HOME = (0.0, 0.0, 0.0)
 
 
-def joints(t_ns: int, x_m: float) -> JointState:
-    """Encoder reading."""
-    return JointState(seq=0, t_ns=t_ns, position_m=(x_m, 0.0, 0.0), velocity_m_s=HOME)
+def platform(t_ns: int, x_m: float) -> PlatformState:
+    """Platform at rest, as the encoders read it."""
+    return PlatformState(t_ns, (x_m, 0.0, 0.0), HOME)
 
 
 def first_fault_ns(lag_ms: int, bound_m: float, allowed_ms: int) -> int | None:
@@ -25,8 +35,8 @@ def first_fault_ns(lag_ms: int, bound_m: float, allowed_ms: int) -> int | None:
     watch = FollowingWatch(lag_ms * MS, bound_m, allowed_ms * MS)
     for tick in range(100):
         t_ns = tick * TICK_NS
-        reading = joints(t_ns, max(0.0, tick * 0.005 - 0.03))
-        watch.take_joints(reading)
+        reading = platform(t_ns, max(0.0, tick * 0.005 - 0.03))
+        watch.take_platform(reading)
         if watch.fault(reading) is not None:
             return t_ns
         watch.add_setpoint(t_ns, (tick * 0.005, 0.0, 0.0))
@@ -59,8 +69,8 @@ def test_an_error_that_ends_in_time_is_forgotten() -> None:
     watch.add_setpoint(0, HOME)
     for tick in range(100):
         x_m = 0.0 if tick % 10 == 9 else 0.5  # 45 ms beyond, then back
-        reading = joints(tick * TICK_NS, x_m)
-        watch.take_joints(reading)
+        reading = platform(tick * TICK_NS, x_m)
+        watch.take_platform(reading)
         assert watch.fault(reading) is None
 
 
@@ -68,14 +78,15 @@ def play(stray_m: float, verbs: tuple[Verb, ...]) -> list[Send]:
     """All that a controller at rest sends while the robot moves away at tick 20."""
     task = ControllerTask(ControllerSettings(reference_stale_ns=300 * MS))
     task.start(T_START_NS - TICK_NS)
-    task.on_message("joint_state", joints(T_START_NS, 0.0), T_START_NS)
+    task.on_message("joint_state", axis_state(0, T_START_NS, HOME, HOME), T_START_NS)
     for verb in verbs:
         order = Command(seq=0, t_ns=0, id=7, to="controller", verb=verb, t_start_ns=T_START_NS)
         task.on_message("command", order, T_START_NS)
     sends: list[Send] = []
     for tick in range(60):
         t_ns = T_START_NS + tick * TICK_NS
-        reading = joints(t_ns, stray_m if tick >= 20 else 0.0)
+        x_m = stray_m if tick >= 20 else 0.0
+        reading = axis_state(tick, t_ns, (x_m, 0.0, 0.0), HOME)
         task.on_message("joint_state", reading, t_ns)
         at_home: Position = HOME
         reference = Reference(seq=tick, t_ns=t_ns, t_target_ns=t_ns, position_m=at_home)

@@ -12,12 +12,15 @@ from comms.messages import (
     Frame,
     InvalidReason,
     JointState,
+    LinkAngle,
     Phase,
     Reference,
     RobotState,
-    Setpoint,
+    SwingPlane,
     Truth,
     Verb,
+    axis_setpoint,
+    axis_state,
 )
 from rig.analysis.analyze import RunAnalysis
 from rig.run import config, experiment
@@ -49,7 +52,7 @@ def order(verb, to, t_ns, t_start_ns=0):
 def resting(seq, t_ns, x_m=0.0, cls=RobotState):
     place, still = (x_m, 0.0, 0.0), (0.0, 0.0, 0.0)
     if cls is JointState:
-        return JointState(seq=seq, t_ns=t_ns, position_m=place, velocity_m_s=still)
+        return axis_state(seq, t_ns, place, still)
     return RobotState(
         seq=seq,
         t_ns=t_ns,
@@ -109,7 +112,7 @@ def test_the_streamer_plays_the_plan_on_its_grid():
     t_ns = 60 * MS + 1_000 * MS  # 0.4 s into the move
     for k in range(100):
         tick_ns = 60 * MS + k * 10 * MS
-        streamer.on_message("angle", seen(k, tick_ns), tick_ns)
+        streamer.on_message("angle_1", seen(k, tick_ns), tick_ns)
         streamer.on_message("robot_state", resting(k + 1, tick_ns), tick_ns)
         streamer.on_tick(tick_ns)
     (reference,) = sent(streamer.on_tick(t_ns), "reference")
@@ -118,22 +121,23 @@ def test_the_streamer_plays_the_plan_on_its_grid():
 
 
 def seen(seq, t_ns, angle_rad=0.0):
+    cable = LinkAngle(
+        angle_rad=angle_rad, sigma_rad=1e-5, raw_rad=angle_rad, offset_rad=0.0, joint_px=None
+    )
     return AngleSample(
         seq=seq,
         t_ns=t_ns,
         t_valid_ns=t_ns,
-        angle_rad=angle_rad,
-        sigma_rad=1e-5,
+        swing_plane=SwingPlane.X,
         valid=True,
         reason=InvalidReason.NONE,
-        raw_rad=angle_rad,
-        offset_rad=0.0,
         platform_m=0.0,
         rows=480,
         residual_px=0.03,
         pivot_miss_px=0.0,
         background=200.0,
         saturation=0.0,
+        links=(cable,),
     )
 
 
@@ -151,7 +155,7 @@ def test_the_controller_turns_a_reference_into_six_even_setpoints():
     steps = [controller.on_tick(t * MS) for t in range(60, 90, 5)]
     places = [setpoint.position_m[0] for step in steps for setpoint in sent(step, "setpoint")]
     assert places == pytest.approx([0.0005, 0.001, 0.0015, 0.002, 0.0025, 0.003])
-    assert [len(sent(step, "platform")) for step in steps] == [1, 0, 1, 0, 1, 0]
+    assert [len(sent(step, "platform_1")) for step in steps] == [1, 0, 1, 0, 1, 0]
 
 
 # 6 bench: robot, pendulum, camera
@@ -162,13 +166,14 @@ def test_the_bench_moves_swings_the_load_back_and_shows_it():
     settings = prepare(chosen, plan_move(chosen), bench.plant(chosen)).settings
     plant = bench.task(settings["bench"])
     plant.start(0)
-    plant.on_message("setpoint", Setpoint(seq=0, t_ns=3 * MS, position_m=(0.01, 0.0, 0.0)), 3 * MS)
+    plant.on_message("setpoint", axis_setpoint(0, 3 * MS, (0.01, 0.0, 0.0)), 3 * MS)
     sends = [send for t in range(5, 205, 5) for send in plant.on_tick(t * MS).sends]
     joints = [s.message for s in sends if s.channel == "joint_state"]
     truths = [s.message for s in sends if s.channel == "truth"]
-    frames = [s.message for s in sends if s.channel == "frame"]
+    frames = [s.message for s in sends if s.channel == "frame_1"]
     assert joints[-1].position_m[0] == pytest.approx(0.01, abs=1e-4)  # the servo has settled
-    assert min(t.angle_rad for t in truths) < -5e-3  # a push to the right leaves the load behind
+    angles_rad = [truth.links[0].angle_x_rad for truth in truths]
+    assert min(angles_rad) < -5e-3  # a push to the right leaves the load behind
     assert [f.t_exposure_start_ns for f in frames[:3]] == [0, 20 * MS, 40 * MS]
     assert frames[0].pixels.shape == (480, 640)
 
@@ -187,15 +192,15 @@ def test_the_tracker_sees_what_the_camera_shows_at_the_instant_it_says():
         sends += plant.on_tick(t * MS).sends
     for _, message, at_ns in sends:
         if isinstance(message, Truth):
-            truth[message.t_ns] = message.angle_rad
+            truth[message.t_ns] = message.links[0].angle_x_rad
         elif isinstance(message, JointState):
-            vision.on_message("platform", resting(0, message.t_ns), at_ns)
+            vision.on_message("platform_1", resting(0, message.t_ns), at_ns)
         elif isinstance(message, Frame):
-            angles += sent(vision.on_message("frame", message, at_ns + 8 * MS), "angle")
+            angles += sent(vision.on_message("frame_1", message, at_ns + 8 * MS), "angle_1")
     stamps = sorted(truth)
     expected = np.interp([a.t_valid_ns for a in angles], stamps, [truth[t] for t in stamps])
     assert all(a.valid for a in angles)
-    assert np.array([a.angle_rad for a in angles]) == pytest.approx(
+    assert np.array([a.cable.angle_rad for a in angles]) == pytest.approx(
         expected, abs=0.4e-3
     )  # 1 degree of pitch: 0.5 % of gain
 
@@ -208,7 +213,7 @@ def test_what_the_recorder_writes_the_analysis_reads(tmp_path):
     start = {"run_id": "r", "mode": "virtual", "experiment": "move", "kind": "move"}
     recorder = Recorder(tmp_path / LOG, start, job.attachments(), 0)
     recorder.message("command", order(Verb.START, "streamer", 5, 60 * MS), 5)
-    recorder.message("angle", seen(0, 7, 0.01), 9)
+    recorder.message("angle_1", seen(0, 7, 0.01), 9)
     recorder.close({}, {"exit_status": "ok", "exit_code": "0"}, 10)
     run = RunAnalysis(tmp_path / LOG).run
     assert run.t_start_s == pytest.approx(0.06)

@@ -7,7 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from comms.messages import Command, JointState, Phase, Position, Reference, Reply, Setpoint, Verb
+from comms.messages import (
+    Command,
+    Phase,
+    Position,
+    Reference,
+    Reply,
+    Setpoint,
+    Verb,
+    axis_state,
+)
 from comms.task import Step
 from rig.run.tasks.controller.setpoint_gate import SetpointGate
 from rig.run.tasks.controller.task import ControllerSettings, ControllerTask
@@ -119,8 +128,7 @@ def controller(policy: str, envelope: Envelope = ENVELOPE) -> ControllerTask:
 
 def tell_joints(task: ControllerTask, t_ns: int, position_m: Position = HOME) -> None:
     """Joint state at a position."""
-    joints = JointState(seq=0, t_ns=t_ns, position_m=position_m, velocity_m_s=HOME)
-    task.on_message("joint_state", joints, t_ns)
+    task.on_message("joint_state", axis_state(0, t_ns, position_m, HOME), t_ns)
 
 
 def play(task: ControllerTask, goals: list[float]) -> tuple[list[float], list[Reply]]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import msgspec
 import numpy as np
@@ -13,12 +12,14 @@ from comms.messages import (
     AngleSample,
     Command,
     InvalidReason,
+    LinkAngle,
     Message,
     Phase,
     Position,
     Reference,
     Reply,
     RobotState,
+    SwingPlane,
     Verb,
 )
 from comms.task import NO_STEP, Step
@@ -74,20 +75,26 @@ def angle(
     t_ns: int, angle_rad: float | None, reason: InvalidReason = InvalidReason.NONE
 ) -> AngleSample:
     """Angle sample of 35 ms ago."""
-    nothing: dict[str, Any] = dict.fromkeys(
-        ("sigma_rad", "raw_rad", "offset_rad", "platform_m", "residual_px", "pivot_miss_px")
-    )
+    links: tuple[LinkAngle, ...] = ()
+    if angle_rad is not None:
+        cable = LinkAngle(
+            angle_rad=angle_rad, sigma_rad=1e-5, raw_rad=angle_rad, offset_rad=0.0, joint_px=None
+        )
+        links = (cable,)
     return AngleSample(
         seq=0,
         t_ns=t_ns,
         t_valid_ns=t_ns - 35 * MS,
-        angle_rad=angle_rad,
+        swing_plane=SwingPlane.X,
         valid=angle_rad is not None,
         reason=reason,
+        platform_m=None,
         rows=400,
+        residual_px=None,
+        pivot_miss_px=None,
         background=200.0,
         saturation=0.0,
-        **nothing,
+        links=links,
     )
 
 

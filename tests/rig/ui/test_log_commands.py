@@ -30,7 +30,7 @@ def test_a_cut_log_is_recovered_and_what_is_lost_is_said(rig, tmp_path):
     assert code == 0
     assert "written: mended.mcap" in out
     assert "left out: 1 damaged or cut chunks" in out
-    assert len(read_log(tmp_path / "mended.mcap").topics["/angle"]) > 100
+    assert len(read_log(tmp_path / "mended.mcap").topics["/angle_1"]) > 100
 
 
 def test_a_recovery_as_json_has_the_counts(rig, tmp_path):
@@ -53,17 +53,19 @@ def test_every_channel_becomes_a_csv_table_with_a_row_for_each_message(rig, tmp_
     topics = read_log(OLD_LOG).topics
     assert code == 0
     assert f"{len(topics)} tables written to tables" in out
-    angles = rows_of(tmp_path / "tables" / "angle.csv")
-    messages = [json.loads(entry.data) for entry in topics["/angle"]]
+    angles = rows_of(tmp_path / "tables" / "angle_1.csv")
+    messages = [json.loads(entry.data) for entry in topics["/angle_1"]]
     assert [row["seq"] for row in angles] == [str(message["seq"]) for message in messages]
-    assert float(angles[200]["angle_rad"]) == messages[200]["angle_rad"]
+    cable = messages[200]["links"][0]
+    assert float(angles[200]["links_0_angle_rad"]) == cable["angle_rad"]
+    assert float(angles[200]["links_0_raw_rad"]) == cable["raw_rad"]
     robot = rows_of(tmp_path / "tables" / "robot_state.csv")
     assert float(robot[-1]["actual_m_0"]) == pytest.approx(0.2, abs=1e-3)
 
 
 def test_receipts_become_one_row_each_and_pictures_become_files(rig, tmp_path):
     rig("export", OLD_LOG, "--csv", "tables")
-    receipts = rows_of(tmp_path / "tables" / "receipts_angle.csv")
+    receipts = rows_of(tmp_path / "tables" / "receipts_angle_1.csv")
     assert len(receipts) == 455
     assert {"seq", "t_rx_ns", "outcome"} <= set(receipts[0])
     pictures = rows_of(tmp_path / "tables" / "camera_image.csv")
@@ -78,7 +80,8 @@ def test_parquet_tables_hold_what_the_csv_tables_hold(rig, tmp_path):
     assert code == 0
     table = parquet.read_table(tmp_path / "p" / "setpoint.parquet").to_pydict()
     rows = rows_of(tmp_path / "c" / "setpoint.csv")
-    assert table["position_m_0"] == [float(row["position_m_0"]) for row in rows]
+    for name in ("values_0", "values_1", "values_2"):
+        assert table[name] == [float(row[name]) for row in rows]
     assert len(rows) == 1799
 
 
@@ -92,4 +95,4 @@ def test_the_tables_of_a_cut_log_are_written_and_the_cut_is_said(rig, tmp_path):
     code, out, _ = rig("export", cut(tmp_path), "--csv", "tables")
     assert code == 6
     assert "the log is incomplete" in out
-    assert (tmp_path / "tables" / "angle.csv").is_file()
+    assert (tmp_path / "tables" / "angle_1.csv").is_file()

@@ -220,6 +220,6 @@ def test_the_swing_the_report_and_the_tables_of_a_run_are_named(rig):
     code, said, _ = rig("export", "last", "--csv", "tables")
     assert code == 0
     assert "tables written to tables" in said
-    with Path("tables/angle.csv").open() as file:
+    with Path("tables/angle_1.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert int(rows[0]["rows"]) > 0  # of the image, in each message; not a batch of receipts

@@ -12,7 +12,7 @@ import pytest
 
 from comms.link import LinkCount
 from comms.mcap_log import LogWriter
-from comms.messages import AngleSample, Command, InvalidReason, Verb
+from comms.messages import AngleSample, Command, InvalidReason, LinkAngle, SwingPlane, Verb
 from comms.records import CompressedImage, Event, LinkRow, Stamp
 from rig.analysis.analyze import RunAnalysis
 from rig.analysis.conclusion import conclude
@@ -36,18 +36,16 @@ ANGLE = AngleSample(
     seq=1,
     t_ns=0,
     t_valid_ns=0,
-    angle_rad=0.01,
-    sigma_rad=1e-5,
+    swing_plane=SwingPlane.X,
     valid=True,
     reason=InvalidReason.NONE,
-    raw_rad=0.01,
-    offset_rad=0.0,
     platform_m=0.0,
     rows=400,
     residual_px=0.1,
     pivot_miss_px=0.0,
     background=200.0,
     saturation=0.0,
+    links=(LinkAngle(angle_rad=0.01, sigma_rad=1e-5, raw_rad=0.01, offset_rad=0.0, joint_px=None),),
 )
 COMMAND = "rig run move --clock virtual"
 
@@ -155,7 +153,7 @@ def write_log(
         log.write(f"/link/{name}", row, 2, 2)
     if image is not None:
         log.attach("vision.json", "application/json", json.dumps(tracker).encode())
-        log.write("/angle", ANGLE, 3, 3)
+        log.write("/angle_1", ANGLE, 3, 3)
         picture = CompressedImage(
             timestamp=Stamp(sec=1, nsec=0), frame_id=text, data=image, format=text
         )
@@ -198,7 +196,7 @@ def test_a_report_names_the_parameters_of_the_run(finished, told):
     run_log = RunAnalysis(finished.folder / "run.mcap").run
     start = run_log.log.metadata["run.start"]
     assert page.row("seed") == ["1"]
-    assert page.row("links") == ["frame (8 ms), reference (1 ms, 20% lost in bursts of 3)"]
+    assert page.row("links") == ["frame_1 (8 ms), reference (1 ms, 20% lost in bursts of 3)"]
     assert page.row("limits")[0].startswith("speed 0.75 m/s (plan 0.281), acceleration 5 m/s²")
     assert page.row("duration")[0].startswith("11 s: quiet 3.5, move 1.5, watching 6")
     assert page.row("planner") == ["matrix_exponential: 0.2 m in 1.5 s, acceleration input"]

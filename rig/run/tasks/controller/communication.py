@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from comms.messages import JointState, Phase, Position, Reference, RobotState
+from comms.messages import Phase, Position, Reference, RobotState
 from comms.task import Send
+from rig.run.tasks.controller.platform import PlatformState
 
 
 class Communication:
-    """Newest reference and joint state with their arrival, and the robot state made of them."""
+    """Newest reference and platform state with their arrival, and the robot state made of them."""
 
     def __init__(self) -> None:
         self.reference: Reference | None = None
         self.reference_ns = 0  # arrival
-        self.joints: JointState | None = None
-        self.joints_ns = 0  # arrival
+        self.platform: PlatformState | None = None
+        self.platform_ns = 0  # arrival
         self._seq = 0
 
     def take_reference(self, reference: Reference, t_ns: int) -> None:
@@ -22,23 +23,23 @@ class Communication:
         if self.reference is None or reference.t_target_ns > self.reference.t_target_ns:
             self.reference = reference
 
-    def take_joints(self, joints: JointState, t_ns: int) -> None:
-        """Keep the positions that the encoders measured."""
-        self.joints = joints
-        self.joints_ns = t_ns
+    def take_platform(self, platform: PlatformState, t_ns: int) -> None:
+        """Keep the motion that the encoders measured."""
+        self.platform = platform
+        self.platform_ns = t_ns
 
     def state(self, commanded_m: Position, phase: Phase, t_ns: int) -> tuple[Send, ...]:
-        """Send the robot state to streamer and vision; nothing before the first joint state."""
-        if self.joints is None:
+        """Send the robot state to streamer and vision; nothing before the first measurement."""
+        if self.platform is None:
             return ()
         state = RobotState(
             seq=self._seq,
             t_ns=t_ns,
-            t_actual_ns=self.joints.t_ns,
+            t_actual_ns=self.platform.t_ns,
             commanded_m=commanded_m,
-            actual_m=self.joints.position_m,
-            actual_velocity_m_s=self.joints.velocity_m_s,
+            actual_m=self.platform.position_m,
+            actual_velocity_m_s=self.platform.velocity_m_s,
             phase=phase,
         )
         self._seq += 1
-        return (Send("robot_state", state, t_ns), Send("platform", state, t_ns))
+        return (Send("robot_state", state, t_ns), Send("platform_1", state, t_ns))

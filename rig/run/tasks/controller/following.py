@@ -6,7 +6,8 @@ import math
 from collections import deque
 
 from comms.channels import MS
-from comms.messages import JointState, Position
+from comms.messages import Position
+from rig.run.tasks.controller.platform import PlatformState
 from rig.run.tasks.grid import TICK_NS
 
 
@@ -26,26 +27,26 @@ class FollowingWatch:
         """Take a setpoint that was sent."""
         self._sent.append((t_ns, position_m))
 
-    def take_joints(self, joints: JointState) -> None:
+    def take_platform(self, platform: PlatformState) -> None:
         """Compare a measurement with the setpoint of the lag before it."""
-        due_ns = joints.t_ns - self._lag_ns
+        due_ns = platform.t_ns - self._lag_ns
         setpoint = None
         for t_ns, position_m in self._sent:
             if t_ns <= due_ns:
                 setpoint = position_m
         if setpoint is None:
             return
-        self._error_m = math.dist(setpoint, joints.position_m)
+        self._error_m = math.dist(setpoint, platform.position_m)
         if self._error_m <= self._bound_m:
             self._beyond_since_ns = None
         elif self._beyond_since_ns is None:
-            self._beyond_since_ns = joints.t_ns
+            self._beyond_since_ns = platform.t_ns
 
-    def fault(self, joints: JointState | None) -> str | None:
+    def fault(self, platform: PlatformState | None) -> str | None:
         """Describe an error that has been beyond its bound for too long; None while it is not."""
-        if joints is None or self._beyond_since_ns is None:
+        if platform is None or self._beyond_since_ns is None:
             return None
-        age_ns = joints.t_ns - self._beyond_since_ns
+        age_ns = platform.t_ns - self._beyond_since_ns
         if age_ns < self._allowed_ns:
             return None
         return (

@@ -5,7 +5,16 @@ from __future__ import annotations
 import msgspec
 
 from comms.channels import MS
-from comms.messages import Command, JointState, Message, Phase, Position, Reference, Setpoint, Verb
+from comms.messages import (
+    Command,
+    JointState,
+    Message,
+    Phase,
+    Position,
+    Reference,
+    Verb,
+    axis_setpoint,
+)
 from comms.replies import Replies
 from comms.task import NO_STEP, Send, Step
 from rig.errors import FAULT
@@ -13,6 +22,7 @@ from rig.run.tasks.controller.communication import Communication
 from rig.run.tasks.controller.following import FollowingWatch
 from rig.run.tasks.controller.interpolator import POLICIES, Interpolator, PolicySettings
 from rig.run.tasks.controller.phase import ORDERS, Trigger, next_phase, refusal
+from rig.run.tasks.controller.platform import platform_state
 from rig.run.tasks.controller.setpoint_gate import SetpointGate
 from rig.run.tasks.grid import TICK_NS, TICK_S, TICKS, slowed_by_pause
 from rig.run.tasks.pause import PauseMeter
@@ -60,6 +70,8 @@ class ControllerTask:
             settings.servo_lag_ns, settings.following_error_m, settings.following_error_ns
         )
         self._run_out = RunOut(settings.envelope, TICK_S, TICKS)
+        # description of the newest joint state where it is not that of this robot
+        self._unusable = ""
         self._t_start_ns = 0
         self._setpoint: Position | None = None
         self._seq = 0
@@ -78,11 +90,22 @@ class ControllerTask:
         if isinstance(message, Reference):
             self._io.take_reference(message, t_ns)
         elif isinstance(message, JointState):
-            self._io.take_joints(message, t_ns)
-            self._following.take_joints(message)
+            self._take_joints(message, t_ns)
         elif isinstance(message, Command):
             return self._handle_order(message, t_ns)
         return NO_STEP
+
+    def _take_joints(self, joints: JointState, t_ns: int) -> None:
+        platform = platform_state(joints)
+        if platform is None:
+            self._unusable = (
+                f"joint states of {joints.count} joints in {joints.space.value}; must be x, y, z "
+                "in m: the robot of the bench is not that of the controller"
+            )
+            return
+        self._unusable = ""
+        self._io.take_platform(platform, t_ns)
+        self._following.take_platform(platform)
 
     def on_tick(self, t_ns: int) -> Step:
         """Send the setpoint of the newest grid instant due, and the state at every second one."""
@@ -112,7 +135,7 @@ class ControllerTask:
             self._setpoint = self._run_out.next() or self._setpoint
         else:
             self._run_out.follow(self._setpoint)
-        message = Setpoint(seq=self._seq, t_ns=t_ns, position_m=self._setpoint)
+        message = axis_setpoint(self._seq, t_ns, self._setpoint)
         self._seq += 1
         self._following.add_setpoint(t_ns, self._setpoint)
         return (Send("setpoint", message, t_ns), *reports)
@@ -137,10 +160,11 @@ class ControllerTask:
         """Stop when joint states or references have not arrived for too long."""
         if self._phase not in (Phase.ARMED, Phase.RUNNING):
             return ()
-        age_ns = t_ns - self._io.joints_ns
+        age_ns = t_ns - self._io.platform_ns
         if age_ns > self._robot_stale_ns:
             bound = f"must be <= {self._robot_stale_ns / MS:.0f} ms (safety.robot_stale_ms)"
-            cause = self._pause.cause(age_ns, "nothing arrived from the bench")
+            missing = self._unusable or "nothing arrived from the bench"
+            cause = self._pause.cause(age_ns, missing)
             text = f"no joint state for {age_ns / MS:.0f} ms; {bound}: {cause}"
             return self._fail(Trigger.ROBOT_STALE, text, t_ns)
         age_ns = t_ns - max(self._io.reference_ns, self._t_start_ns)
@@ -153,7 +177,7 @@ class ControllerTask:
 
     def _check_following(self, t_ns: int) -> tuple[Send, ...]:
         """Stop when the encoders are too far from the delayed setpoint for too long."""
-        fault = self._following.fault(self._io.joints)
+        fault = self._following.fault(self._io.platform)
         if fault is None or self._phase not in (Phase.ARMED, Phase.RUNNING):
             return ()
         text = f"{fault}; the robot holds: look for a blocked axis or a second sender of setpoints"
@@ -169,8 +193,9 @@ class ControllerTask:
             return Step((self._replies.refuse(order, self._phase, t_ns, refused),))
         if order.verb in ORDERS:
             self._phase = next_phase(self._phase, ORDERS[order.verb])
-        if order.verb is Verb.ARM and self._io.joints is not None:
-            self._setpoint = self._io.joints.position_m  # bumpless: the goal is the actual position
+        if order.verb is Verb.ARM and self._io.platform is not None:
+            # bumpless: the goal is the actual position
+            self._setpoint = self._io.platform.position_m
         if order.verb is Verb.START and self._setpoint is not None:
             self._t_start_ns = order.t_start_ns
             policy = POLICIES[self._settings.policy]
@@ -182,9 +207,9 @@ class ControllerTask:
         return Step((self._replies.answer(order, self._phase, t_ns),))
 
     def _refusal(self, order: Command, t_ns: int) -> str | None:
-        stale = self._io.joints is None or t_ns - self._io.joints_ns > self._robot_stale_ns
+        stale = self._io.platform is None or t_ns - self._io.platform_ns > self._robot_stale_ns
         if stale and order.verb in (Verb.STATUS, Verb.ARM):
-            return (
+            return self._unusable or (
                 "no joint state arrives from the encoders; see bench.log in the folder of the run"
             )
         return refusal(self._phase, order.verb)
@@ -192,7 +217,7 @@ class ControllerTask:
     def _commanded(self) -> Position:
         if self._setpoint is not None:
             return self._setpoint
-        return self._io.joints.position_m if self._io.joints else (0.0, 0.0, 0.0)
+        return self._io.platform.position_m if self._io.platform else (0.0, 0.0, 0.0)
 
 
 def build(settings: bytes) -> ControllerTask:
