@@ -9,7 +9,7 @@ ROOMS := comms planners vision sim_rig rig
 SHORT :=
 THREADS := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
 
-.PHONY: setup demo test test-oldest wheel check format bench clean
+.PHONY: setup demo test test-oldest wheel check format bench endurance mutants clean
 
 setup: $(READY)
 
@@ -58,6 +58,18 @@ bench: $(READY)
 	$(THREADS) $(BIN)/python -m benchmarks.loop $(SHORT)
 	$(THREADS) $(BIN)/python -m benchmarks.planning $(SHORT)
 	$(THREADS) $(BIN)/python -m benchmarks.servo $(SHORT)
+
+# long trials of the running system, outside CI (kills needs root); SHORT=--short: a few of each
+endurance: $(READY)
+	$(BIN)/python -m endurance.fuzz $(SHORT)
+	$(BIN)/python -m endurance.stops $(SHORT)
+	$(BIN)/python -m endurance.strangers $(SHORT)
+	$(BIN)/python -m endurance.kills $(SHORT)
+
+# make mutants FILE=comms/link.py SHARD=1/2: small changes of a file, each to be noticed by a test
+SHARD := 1/1
+mutants: $(READY)
+	$(BIN)/python -m endurance.mutants $(FILE) --shard $(SHARD)
 
 clean:
 	rm -rf $(VENV) $(OLDEST) build *.egg-info

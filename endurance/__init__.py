@@ -1,0 +1,1 @@
+"""Long trials of the running system; not a part of the package, nor of the tests."""
