@@ -29,6 +29,8 @@ LEDGER_HEADS = (
     "rejected",
     "duplicates",
     "late",
+    "superseded",
+    "foreign",
     "unaccounted",
 )
 
@@ -170,8 +172,8 @@ def _ledger(s: Summary) -> Html:
     rows = []
     for name, r in s.links.items():
         rejected = sum(r.rejected.values())
-        counts = (r.sent, r.delivered, r.lost, rejected, r.duplicated, r.late, r.unexplained)
-        rows.append((name, *counts))
+        passed = (r.sent, r.delivered, r.lost, rejected, r.duplicated, r.late)
+        rows.append((name, *passed, r.superseded, r.foreign, r.unexplained))
     return join(element("h2", "Packet ledger"), table(LEDGER_HEADS, rows, class_="ledger"))
 
 

@@ -90,6 +90,14 @@ EXAMPLES = {
         "servo shaping",
         "servo shaping --shapers zv,ei --sample-time 0.001",
     ),
+    "study": (
+        "study dropouts --planners zv --seeds 2",
+        "study dropouts --policies bounded --losses 0.2 --burst 10 --seeds 1",
+    ),
+    "study dropouts": (
+        "study dropouts --planners zv --seeds 2",
+        "study dropouts --losses 0,0.1 --seeds 2 --plot dropouts.svg --json",
+    ),
     "calibrate": (
         "calibrate offsets --virtual",
         "calibrate offsets --out camera.toml",

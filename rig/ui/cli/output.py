@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -35,6 +35,8 @@ LEDGER_COLUMNS = (
     Column("rejected", folds=True),
     Column("duplicates", drop=2),
     Column("late", drop=1),
+    Column("superseded", drop=3),
+    Column("foreign", drop=4),
     "unaccounted",
 )
 COLOUR = {"good": "green", "doubtful": "yellow", "bad": "red"}
@@ -59,6 +61,21 @@ def working(what: str, *, quiet: bool = False) -> Iterator[None]:
     if not quiet:
         err.print(what)
     yield
+
+
+@contextmanager
+def counting(what: str, total: int, *, quiet: bool = False) -> Iterator[Callable[[int], None]]:
+    """Show on stderr how much of a long computation is done; yields the function that is told.
+
+    Without a terminal it is one plain line, or nothing if quiet.
+    """
+    if err.is_terminal:
+        with err.status(what) as status:
+            yield lambda done: status.update(f"{what}: {done} of {total}")
+        return
+    if not quiet:
+        err.print(f"{what}: {total}")
+    yield lambda done: None
 
 
 def _finite(value: Any) -> Any:
@@ -175,6 +192,8 @@ def _ledger(links: dict[str, LinkSummary]) -> Table:
             rejected,
             row.duplicated,
             row.late,
+            row.superseded,
+            row.foreign,
             row.unexplained,
         )
         table.add_row(name, *map(str, cells))

@@ -87,7 +87,7 @@ def _remove_stale(path: Path, operator: OperatorFile) -> None:
         f"{path.parent.name}: its operator (process {operator.pid}) has exited; "
         "its tasks stop by themselves"
     )
-    path.unlink(missing_ok=True)
+    operator_file.remove(path, operator.address)
 
 
 def _say(line: str) -> None:

@@ -55,6 +55,7 @@ VERBS = {
     "servo": VerbRow(
         "rig.ui.cli.servo:app", "Compare and tune drive controllers of an elastic joint."
     ),
+    "study": VerbRow("rig.ui.cli.study:app", "Repeat an experiment over many settings."),
     "calibrate": VerbRow("rig.ui.cli.calibrate:app", "Make the calibration files of the tracker."),
 }
 
@@ -71,6 +72,14 @@ SERVO_VERBS = {
     ),
     "shaping": VerbRow(
         "rig.ui.cli.servo_shaping:shaping", "Compare input shapers on an elastic joint."
+    ),
+}
+
+
+STUDY_VERBS = {
+    "dropouts": VerbRow(
+        "rig.ui.cli.study_dropouts:dropouts",
+        "Compare the interpolator policies under lost references.",
     ),
 }
 
@@ -112,6 +121,13 @@ class ServoGroup(LazyGroup):
 
     verbs = SERVO_VERBS
     path = "servo"
+
+
+class StudyGroup(LazyGroup):
+    """Group of `rig study`."""
+
+    verbs = STUDY_VERBS
+    path = "study"
 
 
 def load(name: str, verb: VerbRow, path: str = "") -> Any:

@@ -492,10 +492,10 @@ def test_the_help_of_an_option_shows_its_unit(rig, verb, units):
 
 
 def test_no_help_text_of_an_option_starts_with_a_preposition():
-    from rig.ui.cli.verbs import SERVO_VERBS, VERBS, load
+    from rig.ui.cli.verbs import SERVO_VERBS, STUDY_VERBS, VERBS, load
 
     prepositions = ("Of", "At", "In", "With", "About", "Beside", "From", "For", "What", "Whose")
-    pending = [load(name, verb) for name, verb in {**VERBS, **SERVO_VERBS}.items()]
+    pending = [load(name, verb) for name, verb in {**VERBS, **SERVO_VERBS, **STUDY_VERBS}.items()]
     texts = []
     while pending:
         command = pending.pop()

@@ -18,8 +18,8 @@ def harmless(text):
 
 def test_a_summary_of_a_hostile_log_is_printed_without_control_characters(capsys):
     link = LinkSummary(
-        sent=1, delivered=0, lost=0, duplicated=0, late=0, rejected={f"why{EVIL}": 1},
-        lost_link=0, lost_kernel=0, lost_queue=0, unexplained=0,
+        sent=1, delivered=0, lost=0, duplicated=0, late=0, superseded=0, foreign=0,
+        rejected={f"why{EVIL}": 1}, lost_link=0, lost_kernel=0, lost_queue=0, unexplained=0,
     )  # fmt: skip
     summary = Summary(
         run_id="1", run_dir="x", mode=f"virtual{EVIL}", experiment=f"name{EVIL}",

@@ -6,7 +6,7 @@ import shlex
 import pytest
 
 from rig.ui.cli.examples import EXAMPLES
-from rig.ui.cli.verbs import SERVO_VERBS, VERBS, load
+from rig.ui.cli.verbs import SERVO_VERBS, STUDY_VERBS, VERBS, load
 
 QUICK = (  # verbs whose examples need neither an earlier run nor more than a second or two
     "plan",
@@ -27,7 +27,8 @@ def commands():
     """Every command by its words below `rig`."""
     found = {}
     pending = [(name, load(name, verb)) for name, verb in VERBS.items()]
-    pending += [(f"servo {name}", load(name, verb, "servo")) for name, verb in SERVO_VERBS.items()]
+    for group, verbs in (("servo", SERVO_VERBS), ("study", STUDY_VERBS)):
+        pending += [(f"{group} {name}", load(name, verb, group)) for name, verb in verbs.items()]
     while pending:
         words, command = pending.pop()
         found[words] = command

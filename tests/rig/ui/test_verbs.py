@@ -6,7 +6,7 @@ from importlib import import_module
 
 import pytest
 
-from rig.ui.cli.verbs import SERVO_VERBS, VERBS
+from rig.ui.cli.verbs import SERVO_VERBS, STUDY_VERBS, VERBS
 
 HEAVY = (
     "numpy",
@@ -36,7 +36,9 @@ main()
     return set(line.split()[1:])
 
 
-@pytest.mark.parametrize("words", [("--help",), ("--version",), ("servo", "--help")])
+@pytest.mark.parametrize(
+    "words", [("--help",), ("--version",), ("servo", "--help"), ("study", "--help")]
+)
 def test_help_loads_no_numerical_library(words):
     assert modules_after(*words).isdisjoint(HEAVY)
 
@@ -50,9 +52,16 @@ def test_no_verb_loads_another_verb():
     loaded = modules_after("servo", "notch", "--help")
     assert "rig.ui.cli.servo_notch" in loaded
     assert loaded.isdisjoint({"rig.ui.cli.servo_compare", "rig.ui.cli.run", "scipy.optimize"})
+    loaded = modules_after("study", "dropouts", "--help")
+    assert "rig.ui.cli.study_dropouts" in loaded
+    assert loaded.isdisjoint({"rig.studies.dropouts", "rig.ui.cli.run", "matplotlib", "scipy"})
 
 
-@pytest.mark.parametrize("verb", [*VERBS.values(), *SERVO_VERBS.values()], ids=lambda v: v.target)
+@pytest.mark.parametrize(
+    "verb",
+    [*VERBS.values(), *SERVO_VERBS.values(), *STUDY_VERBS.values()],
+    ids=lambda v: v.target,
+)
 def test_every_row_of_the_tables_leads_to_a_verb_with_an_imperative_help(verb):
     module, _, attribute = verb.target.partition(":")
     assert getattr(import_module(module), attribute) is not None
