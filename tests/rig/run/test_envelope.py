@@ -40,7 +40,7 @@ ENVELOPE = Envelope(
     speed_m_s=SPEED_M_S,
     acceleration_m_s2=ACCELERATION_M_S2,
 )
-BRAKING_M = 0.03  # way from 0.5 m/s at the acceleration bound, and a window more
+NEAR_AN_END_M = 0.03  # way from 0.5 m/s at the acceleration bound, and a window more
 FloatArray = npt.NDArray[np.float64]
 
 
@@ -59,14 +59,6 @@ def is_inside(places: list[Position]) -> bool:
     """Whether the gate of the streamer lets the plan pass."""
     gate = Gate(ENVELOPE)
     return all(gate.refusal(k * 10 * MS, place) is None for k, place in enumerate(places))
-
-
-def has_room_to_brake(places: list[Position]) -> bool:
-    """Whether a plan stays so far from the ends of the workspace that a hole can be braked there.
-
-    Nearer, the gate ends the run in a fault and the setpoint stands at once.
-    """
-    return all(abs(x) <= ENVELOPE.position_max_m - BRAKING_M for x, _, _ in places)
 
 
 class Fate:
@@ -149,31 +141,62 @@ fates = st.builds(
     # pauses of at least one window, after which the servos stand
     st.lists(st.tuples(st.integers(0, 300), st.integers(6, 60)), max_size=3),
 )
-plans = st.builds(
-    plan, st.lists(st.floats(-0.1, 0.1), min_size=1, max_size=3), st.sampled_from([0.35, 0.5, 1.0])
-).filter(is_inside)
+distances = st.lists(st.floats(-0.1, 0.1), min_size=1, max_size=3)
+# to within a few millimetres of an end of the workspace, where there is no room to brake
+to_an_end = st.builds(
+    lambda share, sign, rest_m: [
+        sign * share * (0.25 - rest_m),
+        sign * (1 - share) * (0.25 - rest_m),
+    ],
+    st.floats(0.0, 1.0),
+    st.sampled_from([-1.0, 1.0]),
+    st.one_of(st.just(0.0), st.floats(0.0, 0.005)),
+)
+times_s = st.sampled_from([0.35, 0.5, 0.7, 1.0])
+plans = st.builds(plan, st.one_of(distances, to_an_end), times_s).filter(is_inside)
 
 
 @settings(max_examples=300, deadline=None)
-@given(plans.filter(has_room_to_brake), fates, st.sampled_from(["bounded", "buffer"]))
-def test_whatever_is_lost_late_doubled_reordered_or_paused_setpoints_keep_the_envelope(
-    places: list[Position], fate: Fate, policy: str
+@given(plans, fates)
+def test_whatever_is_lost_late_doubled_reordered_or_paused_bounded_keeps_the_envelope(
+    places: list[Position], fate: Fate
 ) -> None:
-    sent, reports = sent_ticks(places, fate, policy)
+    sent, reports = sent_ticks(places, fate, "bounded")
     speed_m_s, acceleration_m_s2 = peaks(sent)
     assert speed_m_s <= SPEED_M_S + 1e-5
     assert acceleration_m_s2 <= ACCELERATION_M_S2 + 1e-3
+    assert is_in_the_workspace(sent)
     assert reports == []
 
 
-@settings(max_examples=100, deadline=None)
-@given(plans, fates, st.sampled_from(["bounded", "buffer"]))
-def test_no_setpoint_leaves_the_workspace_and_a_fault_names_the_bound(
-    places: list[Position], fate: Fate, policy: str
+@settings(max_examples=300, deadline=None)
+@given(plans, fates)
+def test_buffer_keeps_the_envelope_or_stops_near_an_end_with_a_hundredth_more(
+    places: list[Position], fate: Fate
 ) -> None:
-    sent, reports = sent_ticks(places, fate, policy)
-    assert max(abs(x) for x, _, _ in sent.values()) <= ENVELOPE.position_max_m + 2e-9
-    assert all("must be -0.25 to 0.25 m; the robot holds" in r.text for r in reports)
+    """Across a gap it extrapolates, which near an end may go where there is no room to brake."""
+    sent, reports = sent_ticks(places, fate, "buffer")
+    speed_m_s, acceleration_m_s2 = peaks(sent)
+    assert speed_m_s <= SPEED_M_S + 1e-5
+    assert is_in_the_workspace(sent)
+    if not reports:
+        assert acceleration_m_s2 <= ACCELERATION_M_S2 + 1e-3
+        return
+    assert len(reports) == 1
+    assert reports[0].text.startswith("setpoint gate: ")
+    assert max(abs(x) for x, _, _ in sent.values()) >= ENVELOPE.position_max_m - NEAR_AN_END_M
+    assert acceleration_m_s2 <= 1.01 * ACCELERATION_M_S2
+    assert len({sent[tick] for tick in sorted(sent)[-20:]}) == 1, "it has come to rest"
+
+
+def is_in_the_workspace(sent: dict[int, Position]) -> bool:
+    """Whether every setpoint lies in the box, but for the rounding of a position."""
+    bounds = (ENVELOPE.position_max_m, ENVELOPE.depth_m, ENVELOPE.height_m)
+    return all(
+        abs(value) <= bound + 1e-9
+        for place in sent.values()
+        for value, bound in zip(place, bounds, strict=True)
+    )
 
 
 @settings(max_examples=60, deadline=None)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
+
 import msgspec
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -18,6 +21,7 @@ from comms.messages import (
     axis_state,
 )
 from comms.task import Step
+from rig.run.tasks.controller.interpolator import POLICIES
 from rig.run.tasks.controller.setpoint_gate import SetpointGate
 from rig.run.tasks.controller.task import ControllerSettings, ControllerTask
 from rig.run.tasks.safety import Envelope
@@ -171,16 +175,100 @@ def test_bounded_needs_no_report_for_the_same_references() -> None:
     assert reports == []
 
 
-def test_a_setpoint_outside_the_place_bounds_is_a_fault_with_the_figure() -> None:
+def test_a_bounded_controller_stops_at_the_end_of_the_workspace_without_a_report() -> None:
     """A reference that no gate has seen: 0.3 m, beyond 0.25 m."""
-    task = controller("bounded")
-    places, reports = play(task, [0.3] * 40)
+    places, reports = play(controller("bounded"), [0.3] * 40)
+    assert max(places) == pytest.approx(0.25, abs=1e-3)
     assert max(places) <= 0.25
-    (report,) = [r for r in reports if "gate" in r.text]
+    assert reports == []
+    keeps_the_envelope(places)
+
+
+def keeps_the_envelope(places: list[float]) -> None:
+    """Assert the bounds of ENVELOPE on setpoints along X, from rest at home."""
+    speed_m_s = np.diff([0.0, *places]) / 0.005
+    before_m_s = np.concatenate([np.zeros(6), speed_m_s])[: len(places)]
+    assert np.abs(speed_m_s).max() <= ENVELOPE.speed_m_s + 1e-5
+    assert np.abs(speed_m_s - before_m_s).max() / 0.03 <= ENVELOPE.acceleration_m_s2 + 1e-3
+    assert min(places) >= ENVELOPE.position_min_m
+    assert max(places) <= ENVELOPE.position_max_m
+
+
+class Leaping:
+    """Interpolator at fault: a ramp to 0.45 m/s, and after so many ticks a place of its own."""
+
+    def __init__(self, ticks: int, leap: Position) -> None:
+        self._left, self._leap = ticks, leap
+        self._places = iter(windows(0.15, 0.3, 0.45, 0.45, 0.45, 0.45))
+
+    def setpoint(self, t_ns: int, newest: Reference | None) -> Position:
+        """Return the next place."""
+        self._left -= 1
+        return self._leap if self._left < 0 else (next(self._places), 0.0, 0.0)
+
+
+LEAPS = {
+    "beyond an end": ((0.2501, 0.0, 0.0), "x = 0.2501 m; must be -0.2 to 0.25 m"),
+    "to the side": ((0.0, 0.2, 0.0), "y = 0.2000 m; must be -0.15 to 0.15 m"),
+    "no number": ((math.nan, 0.0, 0.0), "x = nan m; must be -0.2 to 0.25 m"),
+    "back home": (HOME, "speed "),
+}
+
+
+def leaping(monkeypatch: pytest.MonkeyPatch, ticks: int, leap: Position) -> ControllerTask:
+    """Controller with that interpolator."""
+    monkeypatch.setitem(POLICIES, "bounded", lambda *_: Leaping(ticks, leap))
+    return controller("bounded")
+
+
+@pytest.mark.parametrize(
+    ("name", "ticks"),
+    # home is no leap before 12 ticks
+    [(n, k) for n in LEAPS for k in (0, 3, 6, 12, 25, 30) if n != "back home" or k >= 12],
+)
+def test_a_setpoint_outside_the_envelope_is_a_fault_and_the_robot_runs_out_to_rest(
+    monkeypatch: pytest.MonkeyPatch, name: str, ticks: int
+) -> None:
+    leap, said = LEAPS[name]
+    places, reports = play(leaping(monkeypatch, ticks, leap), [0.0] * 20)
+    (report,) = reports
     assert (report.exit, report.phase, report.ok) == (5, Phase.FAULT, False)
-    assert "setpoint gate: x = 0.25" in report.text
-    assert "must be -0.2 to 0.25 m; the robot holds" in report.text
-    assert len(set(places[-30:])) == 1
+    assert report.text.startswith(f"setpoint gate: {said}")
+    assert report.text.endswith("; the robot stops")
+    keeps_the_envelope(places)
+    ramp = windows(0.15, 0.3, 0.45, 0.45, 0.45, 0.45)[:ticks]
+    assert places[:ticks] == ramp
+    assert len(set(places[-30:])) == 1, "at rest"
+    if ticks > 6:  # a speed that may not end in one window
+        assert places[-1] > ramp[-1], "it brakes; it does not stand at once"
+
+
+def test_an_emergency_stop_ends_the_run_out_where_the_robot_is(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    task = leaping(monkeypatch, 20, (0.3, 0.0, 0.0))
+    before, _ = play(task, [0.0] * 4)
+    order = Command(seq=0, t_ns=0, id=8, to="controller", verb=Verb.ESTOP)
+    t_ns = T_START_NS + 24 * TICK_NS
+    task.on_message("command", order, t_ns)
+    tell_joints(task, t_ns)
+    steps = [task.on_tick(t_ns + k * TICK_NS) for k in range(30)]
+    assert {position[0] for position in setpoints(steps)} == {before[-1]}
+
+
+@pytest.mark.parametrize("verb", [Verb.STOP, Verb.ARM, Verb.START])
+def test_no_other_order_ends_the_run_out_or_leaves_the_fault(
+    monkeypatch: pytest.MonkeyPatch, verb: Verb
+) -> None:
+    undisturbed, _ = play(leaping(monkeypatch, 20, (0.3, 0.0, 0.0)), [0.0] * 10)
+    task = leaping(monkeypatch, 20, (0.3, 0.0, 0.0))
+    before, _ = play(task, [0.0] * 4)
+    t_ns = T_START_NS + 24 * TICK_NS
+    order = Command(seq=0, t_ns=0, id=8, to="controller", verb=verb, t_start_ns=t_ns)
+    task.on_message("command", order, t_ns)
+    tell_joints(task, t_ns)
+    steps = [task.on_tick(t_ns + k * TICK_NS) for k in range(36)]
+    assert before + [position[0] for position in setpoints(steps)] == undisturbed
 
 
 @given(st.lists(st.floats(-0.15, 0.15), min_size=1, max_size=30))

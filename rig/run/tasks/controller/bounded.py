@@ -14,7 +14,8 @@ from collections import deque
 from comms.messages import Position, Reference, Velocity
 from rig.run.tasks.controller.braking import braking_distance_m, stopping_speed_m_s
 from rig.run.tasks.controller.vectors import ZERO, between, dot, moved, rate, scaled, share_inside
-from rig.run.tasks.grid import TICK_NS, TICK_S, TICKS, WINDOW_S, slowed_by_pause
+from rig.run.tasks.controller.workspace import Workspace
+from rig.run.tasks.grid import TICK_NS, TICK_S, TICKS, WINDOW_NS, WINDOW_S, slowed_by_pause
 from rig.run.tasks.safety import POSITION_ROUNDING_M, Envelope
 
 # rounding of 1 nm in positions 10 ms apart, as the safety gate allows it, over a window
@@ -28,6 +29,7 @@ class Bounded:
         self._t_start_ns = t_start_ns
         self._speed_m_s = envelope.speed_m_s
         self._change_m_s = envelope.acceleration_m_s2 * WINDOW_S
+        self._workspace = Workspace(envelope, position_m)
         self._tick = self._window = -1
         self._from = self._end = self._sent = position_m
         self._velocity = ZERO  # in the window
@@ -37,9 +39,14 @@ class Bounded:
         self._goal: Reference | None = None
         self._goal_velocity = ZERO
         self._is_met = False  # the goal was reached once
+        # the window goes from a reference to that of 30 ms later, which is inside the envelope
+        self._is_on_plan = False
 
-    def setpoint(self, t_ns: int, newest: Reference | None) -> Position:
-        """Compute the setpoint of the tick due at t_ns; newest: newest accepted reference."""
+    def setpoint(self, t_ns: int, newest: Reference | None, is_planned: bool = True) -> Position:
+        """Compute the setpoint of the tick due at t_ns.
+
+        newest: newest accepted reference. is_planned: it was received, not estimated from others.
+        """
         tick = (t_ns - self._t_start_ns) // TICK_NS
         if tick <= self._tick:
             return self._sent
@@ -50,7 +57,7 @@ class Bounded:
         is_new = tick // TICKS > self._window
         if is_new:
             self._window = tick // TICKS
-            self._take_goal(newest)
+            self._take_goal(newest, is_planned)
         if is_new or skipped:
             self._plan(TICKS - tick % TICKS)
         self._served += 1
@@ -64,13 +71,14 @@ class Bounded:
         for _ in range(TICKS):
             self._past.append(scaled(self._past[0], share))
 
-    def _take_goal(self, newest: Reference | None) -> None:
+    def _take_goal(self, newest: Reference | None, is_planned: bool) -> None:
         old = self._goal
         if newest is None or (old is not None and newest.t_target_ns <= old.t_target_ns):
             return
         if old is not None:
-            dt_s = (newest.t_target_ns - old.t_target_ns) * 1e-9
-            self._goal_velocity = rate(old.position_m, newest.position_m, dt_s)
+            dt_ns = newest.t_target_ns - old.t_target_ns
+            self._goal_velocity = rate(old.position_m, newest.position_m, dt_ns * 1e-9)
+            self._is_on_plan = is_planned and self._is_met and dt_ns == WINDOW_NS
         self._goal = newest
         self._is_met = False
 
@@ -79,7 +87,7 @@ class Bounded:
         start = self._end
         if self._served < self._planned:  # a pause cut the window short of its end
             start = self._sent
-            self._is_met = False
+            self._is_met = self._is_on_plan = False
         duration_s = ticks * TICK_S
         self._from, self._served, self._planned = start, 0, ticks
         goal = self._open_goal()
@@ -87,7 +95,7 @@ class Bounded:
         if goal is not None and goal != start:
             wanted = self._towards(start, goal, duration_s)
         self._velocity = between(self._past[-1], wanted, self._share_in_reach(wanted))
-        self._end = moved(start, self._velocity, duration_s)
+        self._end = self._workspace.inside(moved(start, self._velocity, duration_s))
         if goal is not None and math.dist(self._end, goal) <= POSITION_ROUNDING_M:
             self._end = goal
             self._is_met = True
@@ -105,9 +113,13 @@ class Bounded:
         needed_m_s = distance_m / duration_s
         goal_m_s = max(0.0, dot(self._goal_velocity, full)) / needed_m_s
         room_m = distance_m + braking_distance_m(goal_m_s, self._change_m_s)
+        rounding_m_s = VELOCITY_ROUNDING_M_S
+        if not self._is_on_plan:
+            room_m = min(room_m, self._workspace.room_m(start, full))
+            rounding_m_s = 0.0
         stops_m_s = stopping_speed_m_s(room_m, self._change_m_s, duration_s)
         bound_m_s = min(stops_m_s, self._speed_m_s)
-        if needed_m_s <= bound_m_s + VELOCITY_ROUNDING_M_S:
+        if needed_m_s <= bound_m_s + rounding_m_s:
             return full
         return scaled(full, bound_m_s / needed_m_s)
 

@@ -10,11 +10,11 @@ from __future__ import annotations
 from bisect import bisect_right
 
 import msgspec
-import numpy as np
 
 from comms.messages import Position, Reference
 from rig.run.tasks.controller.bounded import Bounded
 from rig.run.tasks.controller.vectors import mean
+from rig.run.tasks.controller.workspace import Workspace
 from rig.run.tasks.grid import WINDOW_NS
 from rig.run.tasks.safety import Envelope
 
@@ -29,10 +29,8 @@ class Buffered:
     def __init__(
         self, t_start_ns: int, position_m: Position, envelope: Envelope, playout_ns: int
     ) -> None:
-        e = envelope
         self._bounded = Bounded(t_start_ns, position_m, envelope)
-        self._lower = (e.position_min_m, -e.depth_m, -e.height_m)
-        self._upper = (e.position_max_m, e.depth_m, e.height_m)
+        self._workspace = Workspace(envelope, position_m)
         self._playout_ns = playout_ns
         self._kept: list[Reference] = []  # in the order of their instants
 
@@ -42,12 +40,15 @@ class Buffered:
         if newest is not None and (last is None or newest.t_target_ns > last.t_target_ns):
             self._kept.append(newest)
         played = self._played(t_ns - self._playout_ns)
-        return self._bounded.setpoint(t_ns, played and self._inside(played))
+        if played is None:
+            return self._bounded.setpoint(t_ns, None)
+        is_planned = any(played is reference for reference in self._kept)
+        return self._bounded.setpoint(t_ns, self._inside(played), is_planned)
 
     def _inside(self, reference: Reference) -> Reference:
-        """Limit an interpolated or extrapolated position to the envelope."""
-        x, y, z = np.clip(reference.position_m, self._lower, self._upper).tolist()
-        return msgspec.structs.replace(reference, position_m=(x, y, z))
+        """Limit an interpolated or extrapolated position to the workspace."""
+        inside = self._workspace.inside(reference.position_m)
+        return msgspec.structs.replace(reference, position_m=inside)
 
     def _played(self, t_ns: int) -> Reference | None:
         """Interpolate the reference for t_ns; None before the first one."""

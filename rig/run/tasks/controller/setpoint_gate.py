@@ -11,6 +11,7 @@ from collections import deque
 
 from comms.messages import Position, Velocity
 from rig.run.tasks.controller.vectors import ZERO, rate, scaled
+from rig.run.tasks.controller.workspace import Workspace
 from rig.run.tasks.grid import TICK_S, TICKS, WINDOW_S, slowed_by_pause
 from rig.run.tasks.safety import POSITION_ROUNDING_M, Envelope
 
@@ -25,11 +26,7 @@ class SetpointGate:
     """
 
     def __init__(self, envelope: Envelope, tick: int, position_m: Position) -> None:
-        e = envelope
-        lower = (e.position_min_m, -e.depth_m, -e.height_m)
-        upper = (e.position_max_m, e.depth_m, e.height_m)
-        self._lower = tuple(map(min, lower, position_m))
-        self._upper = tuple(map(max, upper, position_m))
+        self._workspace = Workspace(envelope, position_m)
         self._envelope = envelope
         self._tick = tick  # of the setpoint before
         self._position = position_m
@@ -56,7 +53,7 @@ class SetpointGate:
 
     def _outside(self, position_m: Position) -> str | None:
         for axis, value, lower, upper in zip(
-            "xyz", position_m, self._lower, self._upper, strict=True
+            "xyz", position_m, self._workspace.lower, self._workspace.upper, strict=True
         ):
             inside = lower - POSITION_ROUNDING_M <= value <= upper + POSITION_ROUNDING_M
             if not inside:  # NaN as well

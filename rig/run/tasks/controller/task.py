@@ -53,7 +53,8 @@ class ControllerSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
 class ControllerTask:
     """Sans-IO task `controller`.
 
-    Outside RUNNING the setpoint is held; a controlled stop lets it run out to rest before.
+    Outside RUNNING the setpoint is held; a controlled stop, and one of the setpoint gate, lets it
+    run out to rest before.
     """
 
     name = "controller"
@@ -74,6 +75,7 @@ class ControllerTask:
         self._unusable = ""
         self._t_start_ns = 0
         self._setpoint: Position | None = None
+        self._is_running_out = False  # in FAULT, after a setpoint that the gate refused
         self._seq = 0
         self._replies = Replies(self.name)
         self._tick = 0  # next grid instant is _tick * TICK_NS
@@ -131,7 +133,7 @@ class ControllerTask:
         if self._setpoint is None:
             return ()
         reports = self._advance(grid_ns, t_ns)
-        if self._phase is Phase.STOPPED:
+        if self._phase is Phase.STOPPED or self._is_running_out:
             self._setpoint = self._run_out.next() or self._setpoint
         else:
             self._run_out.follow(self._setpoint)
@@ -148,7 +150,8 @@ class ControllerTask:
         position = self._interpolator.setpoint(grid_ns, self._io.reference)
         excess = self._gate.excess(grid_ns // TICK_NS, position)
         if excess is not None and self._settings.policy != COUNTING_POLICY:
-            text = f"setpoint gate: {excess}; the robot holds{self._pause.note}"
+            text = f"setpoint gate: {excess}; the robot stops{self._pause.note}"
+            self._is_running_out = True
             return self._fail(Trigger.ENVELOPE_LEFT, text, t_ns)
         self._setpoint = position
         if excess is None or self._gate.excesses > 1:
@@ -191,6 +194,8 @@ class ControllerTask:
         refused = self._refusal(order, t_ns)
         if refused is not None:
             return Step((self._replies.refuse(order, self._phase, t_ns, refused),))
+        if order.verb is Verb.ESTOP:
+            self._is_running_out = False
         if order.verb in ORDERS:
             self._phase = next_phase(self._phase, ORDERS[order.verb])
         if order.verb is Verb.ARM and self._io.platform is not None:
