@@ -9,8 +9,17 @@ import msgspec
 from comms.channels import CHANNELS, MS, Transport
 from comms.clock import Clock
 from comms.codec import Closing, Reject, decode, encode_closing
+from comms.endpoints import DatagramPorts
 from comms.frames import FrameReceiver, FrameSender
-from comms.link import LinkCount, LinkFaults, LinkModel, SequenceWindow
+from comms.link import (
+    DUPLICATE,
+    OLD,
+    SUPERSEDED,
+    LinkCount,
+    LinkFaults,
+    LinkModel,
+    SequenceWindow,
+)
 from comms.messages import Frame, Message, Reference
 from comms.operator_bus import Context
 from comms.udp import UdpReceiver, UdpSender
@@ -27,10 +36,8 @@ class Wiring(msgspec.Struct, frozen=True, kw_only=True):
     seed: int
     zero_ns: int
     host: str
-    ports: dict[str, int]
-    commands: str  # address of the control socket
-    telemetry: str
-    pictures: str
+    ports: dict[str, DatagramPorts]  # by channel
+    addresses: dict[str, str]  # of the sockets of the bus, and of the channels without ports
     faults: dict[str, LinkFaults] = {}
     pictures_hz: float = 2.0
     priority: int = 0  # requested SCHED_FIFO priority, 1..99; 0 = normal scheduling
@@ -50,12 +57,12 @@ class ChannelSender:
         self._sent_count = 0  # packets that the socket accepted
         faults = wiring.faults.get(name)
         self._model = LinkModel(faults, wiring.seed, CHANNELS[name].id) if faults else None
-        port = wiring.ports[name]
         self._socket: Any
         if CHANNELS[name].transport is Transport.UDP:
-            self._socket = UdpSender(wiring.host, port)
+            ports = wiring.ports[name]
+            self._socket = UdpSender(wiring.host, ports.receiver, ports.sender, name)
         else:
-            self._socket = FrameSender(context, wiring.host, port, name, wiring.session)
+            self._socket = FrameSender(context, wiring.addresses[name], name, wiring.session)
 
     def apply_link(self, seq: int) -> int | None:
         """Count a packet as sent; return its delay by the link model [ns], or None if lost."""
@@ -94,12 +101,12 @@ class ChannelReceiver:
         self._late_ns = round(CHANNELS[name].late_after_ms * MS)
         faults = wiring.faults.get(name)
         self.max_delay_ns = round((faults.delay_ms + faults.jitter_ms) * MS) if faults else 0
-        port = wiring.ports[name]
         self.socket: UdpReceiver | FrameReceiver
         if CHANNELS[name].transport is Transport.UDP:
-            self.socket = UdpReceiver(wiring.host, port, name)
+            ports = wiring.ports[name]
+            self.socket = UdpReceiver(wiring.host, ports.receiver, name, ports.sender)
         else:
-            self.socket = FrameReceiver(context, wiring.host, port, name, wiring.session)
+            self.socket = FrameReceiver(context, wiring.addresses[name], name, wiring.session)
 
     def fileno(self) -> int:
         """Return the file descriptor, for select."""
@@ -123,6 +130,7 @@ class ChannelReceiver:
                 self.closed = True
         if isinstance(self.socket, UdpReceiver):
             self.count.lost_kernel = self.socket.kernel_drops
+        self.count.foreign = self.socket.foreign
         return accepted
 
 
@@ -134,25 +142,29 @@ def admit(
     t_ns: int,
     receipts: list[tuple[int, int, str]],
 ) -> Message | None:
-    """Accept or reject a received packet; return the message if accepted.
+    """Accept or reject a received packet; return the message if it is the newest.
 
     Exactly one of delivered, duplicated and rejected increases, and a decoded message gets a
-    receipt. A closing message changes nothing. late counts delivered messages older than late_ns.
+    receipt. A closing message changes nothing. late counts delivered messages older than late_ns,
+    superseded those that a newer one overtook.
     """
     if isinstance(got, Closing):
         return None
     if isinstance(got, Reject):
         count.reject(got.value)
         return None
-    rejection = window.register(got.seq)
-    receipts.append((got.seq, t_ns, rejection or ""))
-    if rejection == "duplicate":
+    outcome = window.register(got.seq)
+    receipts.append((got.seq, t_ns, outcome))
+    if outcome == DUPLICATE:
         count.duplicated += 1
         return None
-    if rejection is not None:
-        count.reject(rejection)
+    if outcome == OLD:
+        count.reject(outcome)
         return None
     count.delivered += 1
     due_ns = got.t_target_ns if isinstance(got, Reference) else got.t_ns
     count.late += t_ns - due_ns > late_ns
+    if outcome == SUPERSEDED:
+        count.superseded += 1
+        return None
     return got

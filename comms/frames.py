@@ -13,6 +13,10 @@ from comms.errors import PortInUse
 from comms.messages import Frame
 
 HIGH_WATER = 4  # frames in the queue; at 50 Hz the fifth would be 80 ms old
+MAX_BYTES = 64 * 1024 * 1024  # 4096 x 4096 pixels in colour are 48 MiB
+MAX_HEAD_BYTES = 1024
+# reasons to reject a datagram that has the channel and the session of this run
+OWN_REJECTS = (Reject.NOT_FINITE, Reject.OUT_OF_RANGE)
 DRAIN_LIMIT = 8  # frames a call, so that a flood does not delay the deadlines
 LINGER_MS = 500
 RECONNECT_MS = 5  # the receiver may bind after the sender connects; at 50 Hz the queue lasts 80 ms
@@ -24,8 +28,7 @@ class FrameSender:
     def __init__(
         self,
         context: zmq.Context[zmq.Socket[bytes]],
-        host: str,
-        port: int,
+        address: str,
         channel: str,
         session: int,
     ) -> None:
@@ -33,7 +36,7 @@ class FrameSender:
         self._socket.setsockopt(zmq.SNDHWM, HIGH_WATER)
         self._socket.setsockopt(zmq.LINGER, LINGER_MS)
         self._socket.setsockopt(zmq.RECONNECT_IVL, RECONNECT_MS)
-        self._socket.connect(f"tcp://{host}:{port}")
+        self._socket.connect(address)
         self._channel, self._session = channel, session
 
     def send(self, frame: Frame) -> bool:
@@ -55,25 +58,29 @@ class FrameSender:
 
 
 class FrameReceiver:
-    """Receiver of frames; pixels are a read-only view of the received buffer."""
+    """Receiver of frames; pixels are a read-only view of the received buffer.
+
+    foreign: messages that are no datagram of this channel and run.
+    """
 
     def __init__(
         self,
         context: zmq.Context[zmq.Socket[bytes]],
-        host: str,
-        port: int,
+        address: str,
         channel: str,
         session: int,
     ) -> None:
         self._socket = context.socket(zmq.PULL)
         self._socket.setsockopt(zmq.RCVHWM, HIGH_WATER)
+        self._socket.setsockopt(zmq.MAXMSGSIZE, MAX_BYTES)
         self._channel, self._session = channel, session
+        self.foreign = 0
         try:
-            self._socket.bind(f"tcp://{host}:{port}")
+            self._socket.bind(address)
         except zmq.ZMQError as error:
             self._socket.close(0)
             raise PortInUse(
-                f"TCP port {port} on {host} for channel '{channel}': {error}; "
+                f"{address} for channel '{channel}': {error}; "
                 "stop the process that uses it, or set network.base_port to another range "
                 "(0 = free ports)"
             ) from error
@@ -93,17 +100,23 @@ class FrameReceiver:
                 parts = self._socket.recv_multipart(zmq.NOBLOCK, copy=False)
             except zmq.Again:
                 return
-            yield self._decode([part.buffer for part in parts])
+            item = self._decode([part.buffer for part in parts])
+            if item is None:
+                self.foreign += 1
+            else:
+                yield item
 
     def close(self) -> None:
         """Close the socket."""
         self._socket.close(0)
 
-    def _decode(self, parts: list[memoryview]) -> Frame | Closing | Reject:
-        head = decode(self._channel, bytes(parts[0]), self._session)
+    def _decode(self, parts: list[memoryview]) -> Frame | Closing | Reject | None:
+        """Decode a message; None if it is not from the sender of this channel and run."""
+        head = decode(self._channel, bytes(parts[0][:MAX_HEAD_BYTES]), self._session)
         if isinstance(head, Frame):
             return with_pixels(head, parts[1] if len(parts) == 2 else memoryview(b""))
-        return head if isinstance(head, Closing | Reject) else Reject.CHANNEL
+        is_own = head in OWN_REJECTS or isinstance(head, Closing)
+        return head if is_own and isinstance(head, Closing | Reject) else None
 
 
 def with_pixels(head: Frame, data: memoryview) -> Frame | Reject:

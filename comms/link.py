@@ -14,9 +14,9 @@ from msgspec import Meta
 from comms.channels import MS
 
 _MASK = 2**64 - 1
-# reject reasons of packets that do not belong to this link and run
-FOREIGN_REASONS = frozenset(("length", "magic", "version", "channel", "session"))
-WINDOW_PACKETS = 64  # sequence numbers stored, the newest and those before it
+WINDOW_PACKETS = 4096  # sequence numbers stored: at 200 Hz those of 20 s
+NEWEST, SUPERSEDED, DUPLICATE, OLD = "", "superseded", "duplicate", "old"  # outcomes of a packet
+_WINDOW_MASK = 2**WINDOW_PACKETS - 1
 
 
 class LinkFaults(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -66,15 +66,20 @@ def _mix(x: int) -> int:
 
 
 class LinkCount(msgspec.Struct, kw_only=True):
-    """Row of the ledger: sent = delivered + lost + rejected; copies count in duplicated only."""
+    """Row of the ledger: sent = delivered + lost + rejected.
+
+    Copies and packets of foreign senders count in duplicated and foreign alone.
+    """
 
     sent: int = 0
-    delivered: int = 0  # accepted, including the late ones
+    delivered: int = 0  # accepted, including the late and the superseded ones
     lost_link: int = 0  # by the link model
     lost_kernel: int = 0  # receive buffer full, counted by the kernel
     lost_queue: int = 0  # queue of the sender full
     duplicated: int = 0
     late: int = 0
+    superseded: int = 0  # overtaken by a newer one, so not used
+    foreign: int = 0  # not from the sender of this link
     rejected: dict[str, int] = msgspec.field(default_factory=dict)
 
     @property
@@ -84,15 +89,8 @@ class LinkCount(msgspec.Struct, kw_only=True):
 
     @property
     def unaccounted(self) -> int:
-        """Packets sent - delivered - lost - rejected; 0 if the row balances.
-
-        Rejected packets of other links or runs are left out.
-        """
-        rejected = 0
-        for reason, packets in self.rejected.items():
-            if reason not in FOREIGN_REASONS:
-                rejected += packets
-        return self.sent - self.delivered - self.lost - rejected
+        """Packets sent - delivered - lost - rejected; 0 if the row balances."""
+        return self.sent - self.delivered - self.lost - sum(self.rejected.values())
 
     def reject(self, reason: str) -> None:
         """Count a packet that was read and rejected."""
@@ -112,28 +110,35 @@ def merge_counts(sender: LinkCount, receiver: LinkCount) -> LinkCount:
         lost_kernel=receiver.lost_kernel,
         duplicated=receiver.duplicated,
         late=receiver.late,
+        superseded=receiver.superseded,
+        foreign=receiver.foreign,
         rejected=dict(receiver.rejected),
     )
 
 
 class SequenceWindow:
-    """Window of received sequence numbers: rejects older ones as `old`, copies as `duplicate`."""
+    """Window of received sequence numbers, the newest and WINDOW_PACKETS - 1 before it."""
 
     def __init__(self) -> None:
         self._newest = -1
         self._seen = 0  # bit k: newest - k was received
 
-    def register(self, seq: int) -> str | None:
-        """Register a sequence number; return None if it is the newest, else the reject reason."""
+    def register(self, seq: int) -> str:
+        """Register a sequence number; return the outcome.
+
+        NEWEST, SUPERSEDED by a newer one, DUPLICATE of one that was received, or OLD: before the
+        window, so that nothing tells a copy from a packet that was overtaken.
+        """
         ahead = seq - self._newest
         if ahead > 0:
-            self._seen = ((self._seen << ahead) | 1) & _MASK if ahead < WINDOW_PACKETS else 1
+            shifted = self._seen << ahead if ahead < WINDOW_PACKETS else 0
+            self._seen = (shifted | 1) & _WINDOW_MASK
             self._newest = seq
-            return None
+            return NEWEST
         if -ahead >= WINDOW_PACKETS:
-            return "old"
+            return OLD
         bit = 1 << -ahead
         if self._seen & bit:
-            return "duplicate"
+            return DUPLICATE
         self._seen |= bit
-        return "old"
+        return SUPERSEDED

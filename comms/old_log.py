@@ -12,6 +12,8 @@ from comms.log_entry import Entry
 
 VERSION_KEY = "wire_version"  # in run.start; version 1 has none
 AXES = 3
+# reasons to reject a packet that was not of the link and the run
+FOREIGN_REASONS = ("length", "magic", "version", "channel", "session")
 Record = dict[str, Any]
 _NEW_TOPICS = {
     f"{prefix}{old}": f"{prefix}{new}"
@@ -28,9 +30,10 @@ def upgrade(topics: dict[str, list[Entry]]) -> None:
     renamed = {_NEW_TOPICS.get(topic, topic): entries for topic, entries in topics.items()}
     topics.clear()
     topics.update(renamed)  # in the order of the file
-    for topic, rewrite in _REWRITES.items():
-        if topic in topics:
-            topics[topic] = [_rewritten(entry, rewrite) for entry in topics[topic]]
+    for topic, entries in topics.items():
+        rewrite = _ledger_row if topic.startswith("/link/") else _REWRITES.get(topic)
+        if rewrite is not None:
+            topics[topic] = [_rewritten(entry, rewrite) for entry in entries]
 
 
 def _rewritten(entry: Entry, rewrite: Callable[[Record], Record]) -> Entry:
@@ -43,6 +46,15 @@ def _rewritten(entry: Entry, rewrite: Callable[[Record], Record]) -> Entry:
 
 def _channel(record: Record) -> Record:
     return record | {"channel": RENAMED_CHANNELS[record["channel"]]}
+
+
+def _ledger_row(record: Record) -> Record:
+    """Take what came from other senders out of the rejected packets."""
+    record = record | {"channel": RENAMED_CHANNELS.get(record["channel"], record["channel"])}
+    count = record["count"]
+    rejected = dict(count["rejected"])
+    foreign = [rejected.pop(reason) for reason in FOREIGN_REASONS if reason in rejected]
+    return record | {"count": count | {"rejected": rejected, "foreign": sum(foreign)}}
 
 
 def _setpoint(record: Record) -> Record:
@@ -88,4 +100,3 @@ _REWRITES: dict[str, Callable[[Record], Record]] = {
 }
 for _new in RENAMED_CHANNELS.values():
     _REWRITES[f"/receipts/{_new}"] = _channel
-    _REWRITES[f"/link/{_new}"] = _channel

@@ -20,13 +20,14 @@ from comms.clock import Clock, MonotonicClock
 from comms.ends import ChannelReceiver, Wiring
 from comms.errors import CommsError
 from comms.intake import MAX_WAIT_NS, Intake, Source
-from comms.messages import Command, Reply, Verb
+from comms.messages import Command, Verb
 from comms.operator_bus import Context, TaskBus
 from comms.operator_watch import OperatorWatch
 from comms.priority import take_priority
 from comms.records import LinkRow
+from comms.stop_order import stop_order
 from comms.stop_port import REQUESTS, StopPort
-from comms.task import Send, Step, Task
+from comms.task import Step, Task
 from comms.task_output import TaskOutput
 from comms.task_records import TaskRecords
 
@@ -72,9 +73,7 @@ class WallRunner:
         self._receivers = {
             name: ChannelReceiver(name, wiring, self._context) for name in received_by(task.name)
         }
-        self._bus = TaskBus(
-            self._context, task.name, wiring.commands, wiring.telemetry, wiring.pictures
-        )
+        self._bus = TaskBus(self._context, task.name, wiring.session, wiring.addresses)
         self._output = TaskOutput(task.name, wiring, self._context, self._bus, clock)
         self._records = TaskRecords(task, self._bus, self._receivers.values(), clock)
         self._intake = Intake(self._receivers, clock)
@@ -224,17 +223,7 @@ class WallRunner:
             self._order_stop(Verb(request), reason, REQUESTS[request])
 
     def _order_stop(self, verb: Verb, reason: str, code: int) -> None:
-        """Give the task a stop order that the operator did not send; it is told with the reason."""
-        now = self._clock.now_ns()
-        order = Command(seq=0, t_ns=now, id=0, to=self._task.name, verb=verb)
-        step = self._task.on_message("command", order, now)
-        sends: list[Send] = []
-        for send in step.sends:
-            message = send.message
-            if isinstance(message, Reply):
-                message = msgspec.structs.replace(message, ok=False, text=reason, exit=code)
-            sends.append(send._replace(message=message))
-        self._execute(step._replace(sends=sends))
+        self._execute(stop_order(self._task, verb, reason, code, self._clock.now_ns()))
 
     def _handle_command(self, command: Command) -> None:
         if command.verb is Verb.CLOSE:

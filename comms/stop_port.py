@@ -44,7 +44,7 @@ class StopPort:
         """Read a bounded number of datagrams; return the stop requests among them."""
         requests: list[str] = []
         for data in self._receiver.drain():
-            request = self._request(data)
+            request = self.request(data)
             if request is None:
                 self.ignored += 1
             else:
@@ -55,7 +55,7 @@ class StopPort:
         """Close the socket and free the port."""
         self._receiver.close()
 
-    def _request(self, data: bytes) -> str | None:
+    def request(self, data: bytes) -> str | None:
         """Compare a datagram with the two orders, in a time that does not depend on the key."""
         for order, request in self._orders.items():
             if hmac.compare_digest(data, order):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ipaddress
 import socket
 import struct
 from collections.abc import Iterator
@@ -16,17 +17,35 @@ _COUNT = struct.Struct("<I")
 
 
 class UdpSender:
-    """Sender of datagrams to one address; never waits for a full queue."""
+    """Sender of datagrams from one port to another; never waits for a full queue."""
 
-    def __init__(self, host: str, port: int) -> None:
-        self._address = (host, port)
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.setblocking(False)
+    def __init__(self, host: str, port: int, own_port: int, channel: str) -> None:
+        """port: of the receiver. Raises PortInUse."""
+        self._socket = _bound(host, own_port, channel)
+        connect(self._socket, (host, port))
+
+    @property
+    def port(self) -> int:
+        """Bound port."""
+        return int(self._socket.getsockname()[1])
 
     def send(self, data: bytes) -> bool:
-        """Send a datagram; return False if the system does not accept it."""
+        """Send a datagram; return False if the system does not accept it.
+
+        A refusal tells of an earlier datagram that found no receiver; the system then sends the
+        next one.
+        """
         try:
-            self._socket.sendto(data, self._address)
+            self._socket.send(data)
+        except ConnectionRefusedError:
+            return self._send_again(data)
+        except OSError:
+            return False
+        return True
+
+    def _send_again(self, data: bytes) -> bool:
+        try:
+            self._socket.send(data)
         except OSError:
             return False
         return True
@@ -37,26 +56,23 @@ class UdpSender:
 
 
 class UdpReceiver:
-    """Receiver of datagrams on one port.
+    """Receiver of datagrams on one port, of one sender or of anybody.
 
-    kernel_drops: datagrams dropped for a full receive buffer, counted by the kernel.
+    kernel_drops: datagrams dropped for a full receive buffer, counted by the kernel. foreign:
+    datagrams of other senders that arrived before the socket was connected to its own; the kernel
+    refuses later ones.
     """
 
-    def __init__(self, host: str, port: int, channel: str) -> None:
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.setblocking(False)
+    def __init__(self, host: str, port: int, channel: str, sender_port: int | None = None) -> None:
+        """sender_port: of the one sender; None for anybody. Raises PortInUse."""
+        self._socket = _bound(host, port, channel)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
         self._socket.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
-        try:
-            self._socket.bind((host, port))
-        except OSError as error:
-            self._socket.close()
-            raise PortInUse(
-                f"UDP port {port} on {host} for channel '{channel}': {error.strerror}; "
-                "stop the process that uses it, or set network.base_port to another range "
-                "(0 = free ports)"
-            ) from error
+        self._sender = None if sender_port is None else (host, sender_port)
+        if self._sender is not None:
+            connect(self._socket, self._sender)
         self.kernel_drops = 0
+        self.foreign = 0
 
     @property
     def port(self) -> int:
@@ -75,17 +91,48 @@ class UdpReceiver:
         """Yield the datagrams received so far, oldest first, at most DRAIN_LIMIT."""
         for _ in range(DRAIN_LIMIT):
             try:
-                data, ancillary, _, _ = self._socket.recvmsg(MAX_DATAGRAM_BYTES, 64)
+                data, ancillary, _, sender = self._socket.recvmsg(MAX_DATAGRAM_BYTES, 64)
             except OSError:
                 return
             for level, kind, value in ancillary:
                 if level == socket.SOL_SOCKET and kind == _SO_RXQ_OVFL:
                     self.kernel_drops = _COUNT.unpack_from(value)[0]
-            yield data
+            if self._sender in (None, sender):
+                yield data
+            else:
+                self.foreign += 1
 
     def close(self) -> None:
         """Close the socket and free the port."""
         self._socket.close()
+
+
+def connect(opened: socket.socket, address: tuple[str, int]) -> None:
+    """Connect a socket of datagrams: from then on it takes those of this address alone."""
+    opened.connect(address)
+
+
+def _bound(host: str, port: int, channel: str) -> socket.socket:
+    opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    opened.setblocking(False)
+    try:
+        opened.bind((host, port))
+    except OSError as error:
+        opened.close()
+        raise PortInUse(
+            f"UDP port {port} on {host} for channel '{channel}': {error.strerror}; "
+            "stop the process that uses it, or set network.base_port to another range "
+            "(0 = free ports)"
+        ) from error
+    return opened
+
+
+def is_loopback(address: str) -> bool:
+    """Tell if an address is one that only this machine can reach."""
+    try:
+        return ipaddress.IPv4Address(address).is_loopback
+    except ValueError:
+        return False
 
 
 def free_port(host: str, udp: bool = True) -> int:

@@ -11,6 +11,7 @@ import sys
 from comms.channels import CHANNELS, Channel
 from comms.codec import CRC, HEADER, MAGIC, VERSION, Reject, length, link_length
 from comms.layouts import LAYOUTS, Bound, bounds, group_bounds
+from comms.link import WINDOW_PACKETS
 from comms.messages import InvalidReason, Phase, Space, SwingPlane
 
 HEAD = """# The wire
@@ -47,7 +48,9 @@ header and payload.
 An absent value is NaN. Any other NaN, every infinity and every value out of bounds is rejected.
 Rejected datagrams are counted under their reason and change nothing else:
 {", ".join(f"`{r.value}`" for r in Reject)}, then
-`old` (the sequence number is lower than one already accepted). Copies are counted as duplicated.
+`old` (the sequence number is {WINDOW_PACKETS} or more below the newest). A datagram that a newer
+one overtook counts as delivered and superseded, and is not used. Copies count as duplicated, what
+is not from the sender of the channel as foreign; both stand outside the sum.
 
 A message with links has one group of values for each link, the link at the platform first, behind
 its other values; their number follows from the length of the datagram. Values of joints are in m

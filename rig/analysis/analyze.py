@@ -105,6 +105,8 @@ def _link(row: LinkRow) -> LinkSummary:
         lost=count.lost,
         duplicated=count.duplicated,
         late=count.late,
+        superseded=count.superseded,
+        foreign=count.foreign,
         rejected=count.rejected,
         lost_link=count.lost_link,
         lost_kernel=count.lost_kernel,

@@ -128,13 +128,18 @@ def _beside(value: float | None, bound: float | None) -> str:
 
 
 class LinkSummary(msgspec.Struct, kw_only=True):
-    """Row of the ledger: sent = delivered + lost + rejected + unexplained."""
+    """Row of the ledger: sent = delivered + lost + rejected + unexplained.
+
+    late and superseded ones are among the delivered; copies and foreign ones are outside the sum.
+    """
 
     sent: int
     delivered: int
     lost: int
     duplicated: int
     late: int
+    superseded: int  # overtaken by a newer one, so not used
+    foreign: int  # not from the sender of the link
     rejected: dict[str, int]
     lost_link: int
     lost_kernel: int

@@ -14,19 +14,24 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
-from comms.channels import DATA, RENAMED_CHANNELS
+from comms.endpoints import PORTS
 from comms.link import LinkFaults
+from comms.udp import is_loopback
 from rig.errors import ConfigError
-from rig.run.toml_file import Section, convert, nearest, override, read_toml, rename_keys
+from rig.run import links
+from rig.run.toml_file import (
+    Section,
+    convert,
+    nearest,
+    override,
+    read_toml,
+)
 
 Positive = Annotated[float, Meta(gt=0, le=1e6)]
 NotNegative = Annotated[float, Meta(ge=0, le=1e6)]
 Place = Annotated[float, Meta(ge=-10, le=10)]
 Pixel = Annotated[float, Meta(ge=-1e5, le=1e5)]
 Name = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_\-]{1,60}\Z")]
-BUS_PORTS = 3  # base_port .. base_port + 2 are the operator's, channels and stop ports follow
-STOPPABLE = ("controller", "streamer")  # tasks with a stop port: those that move the robot
-PORTS = BUS_PORTS + len(DATA) + len(STOPPABLE)
 MIN_PORT = 1024  # below it ports belong to the services of the system
 MAX_BASE_PORT = 65_535 - PORTS + 1
 
@@ -159,15 +164,23 @@ class VisionSection(Section, frozen=True, kw_only=True):
 
 
 class NetworkSection(Section, frozen=True, kw_only=True):
-    """`[network]`: address and first port; base_port = 0 takes free ports.
+    """`[network]`: address, first port, and kind of the sockets that are not UDP.
 
-    Raises ValueError for ports that the system reserves or that do not exist.
+    base_port = 0 takes free ports. bus: "ipc" for local sockets in a folder of this user, "tcp" for
+    ports. Raises ValueError for ports that the system reserves or that do not exist, and for an
+    address beyond this machine.
     """
 
     base_port: int = 0
     bind: str = "127.0.0.1"
+    bus: Literal["ipc", "tcp"] = "ipc"
 
     def __post_init__(self) -> None:
+        if not is_loopback(self.bind):
+            raise ValueError(
+                f"bind = {self.bind!r}; must be an address of this machine alone, 127.0.0.1 to "
+                "127.255.255.254: the links have no keys, so none may be reached from outside"
+            )
         if self.base_port and not MIN_PORT <= self.base_port <= MAX_BASE_PORT:
             raise ValueError(
                 f"base_port = {self.base_port}; must be {MIN_PORT} to {MAX_BASE_PORT}, "
@@ -234,31 +247,16 @@ def read_experiment(name_or_path: str, overrides: list[str]) -> Experiment:
     Raises ConfigError naming section, key, value, bound and the nearest known key.
     """
     tables = _read_tables(name_or_path)
+    links.rename(tables.get("links"))
     for text in overrides:
-        override(tables, text)
-    _check_links(tables.get("links"))
+        override(tables, links.renamed(text))
+    links.check(tables.get("links"))
     experiment = convert(tables, Experiment)
     beside = Path(name_or_path).parent / experiment.move.waypoints
     if not (experiment.move.waypoints and beside.is_file()):
         return experiment
     move = msgspec.structs.replace(experiment.move, waypoints=str(beside.resolve()))
     return msgspec.structs.replace(experiment, move=move)
-
-
-def _check_links(links: Any) -> None:
-    """Rename links of old names, and check that each is a channel.
-
-    A `links` that is not a table is left to convert().
-    """
-    if not isinstance(links, dict):
-        return
-    rename_keys(links, RENAMED_CHANNELS, "links.")
-    for name, faults in links.items():
-        if name not in DATA:
-            raise ConfigError(
-                f"[links.{name}]: no such link{nearest(name, DATA)}; links: {', '.join(DATA)}"
-            )
-        convert(faults, LinkFaults, f"links.{name}")
 
 
 def _folder(name: str) -> Any:

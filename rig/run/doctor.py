@@ -12,13 +12,12 @@ from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
 from typing import NamedTuple
 
-from comms.channels import CHANNELS, Transport
+from comms.endpoints import PORTS, TCP_PORTS, choose_ports
 from comms.errors import CommsError
 from comms.udp import UdpReceiver, port_is_free, receive_buffer_bytes
-from rig.run.config import BUS_PORTS, NetworkSection, shipped_calibrations
+from rig.run.config import NetworkSection, shipped_calibrations
 from rig.run.machine import MachineGrade, measure_machine
 from rig.run.runtime.children import PROCESSES
-from rig.run.runtime.ports import choose_ports
 
 ROOMS = ("comms", "planners", "vision", "sim_rig", "rig")
 NEEDED = {
@@ -156,12 +155,10 @@ def _ports(network: NetworkSection) -> Finding:
     if network.base_port == 0:
         return _free_port(network.bind)
     base = network.base_port
-    wanted = [(base + i, False) for i in range(BUS_PORTS)]  # port, is UDP
-    ports = choose_ports(network.bind, base)
-    for name, port in ports.channels.items():
-        wanted.append((port, CHANNELS[name].transport is Transport.UDP))
-    wanted += [(port, True) for port in ports.stops.values()]
-    taken = [str(port) for port, udp in wanted if not port_is_free(network.bind, port, udp)]
+    taken = []
+    for k, port in enumerate(choose_ports(network.bind, base)):
+        if not port_is_free(network.bind, port, udp=k >= TCP_PORTS):
+            taken.append(str(port))
     if taken:
         return Finding(
             "ports",
@@ -169,7 +166,7 @@ def _ports(network: NetworkSection) -> Finding:
             f"in use on {network.bind}: {', '.join(taken)}",
             "stop what uses them, or change network.base_port",
         )
-    return Finding("ports", "ok", f"{base} to {base + len(wanted) - 1} on {network.bind} are free")
+    return Finding("ports", "ok", f"{base} to {base + PORTS - 1} on {network.bind} are free")
 
 
 def _free_port(host: str) -> Finding:

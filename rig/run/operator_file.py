@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from comms import bus_folder
 from rig.errors import Refused
 
 NAME = "operator.json"
@@ -68,6 +69,25 @@ def read(path: Path) -> OperatorFile:
 def find(runs: Path) -> list[Path]:
     """List the files of all runs under a folder."""
     return sorted(runs.glob(f"*/{NAME}"))
+
+
+def remove(path: Path, address: str) -> None:
+    """Remove the file of a run that has ended, and the folder of its sockets."""
+    path.unlink(missing_ok=True)
+    folder = bus_folder.folder_of(address)
+    if folder is not None:
+        bus_folder.remove(folder)
+
+
+def remove_stale(runs: Path) -> None:
+    """Remove what operators that were killed left behind under a folder."""
+    for path in find(runs):
+        try:
+            operator = read(path)
+        except (OSError, ValueError):  # of another version, or unreadable: `rig stop` names it
+            continue
+        if not is_alive(operator.pid):
+            remove(path, operator.address)
 
 
 def started_s(folder: Path) -> float | None:

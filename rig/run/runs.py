@@ -9,6 +9,7 @@ from pathlib import Path
 
 from rig.errors import Refused, RigError
 
+MODE = 0o750  # of a folder: the runs of a user are not for all users
 LOG, REPORT = "run.mcap", "report.html"
 
 
@@ -17,7 +18,7 @@ def new_folder(runs: Path, name: str, mode: str, now: datetime) -> Path:
     slug = re.sub(r"[^A-Za-z0-9_-]+", "-", name)
     folder = runs / f"{now:%Y%m%dT%H%M%SZ}_{slug}_{mode}_{secrets.token_hex(2)}"
     try:
-        folder.mkdir(parents=True)
+        folder.mkdir(MODE, parents=True)
     except OSError as error:
         raise Refused(
             f"cannot make the run folder {folder}: {error.strerror}; name another one with --runs"

@@ -55,6 +55,16 @@ def rename_keys(tables: dict[str, Any], new_names: dict[str, str], section: str 
         )
 
 
+def rename_key(assignment: str, new_names: dict[str, str], section: str) -> str:
+    """Give `section.old.key=value` its new name, with a RenamedKey warning; any other as it is."""
+    for old, new in new_names.items():
+        if assignment.startswith(f"{section}{old}."):
+            text = f"[{section}{old}] is now called [{section}{new}]; rename it in the command"
+            warnings.warn(text, RenamedKey, stacklevel=2)
+            return assignment.replace(old, new, 1)
+    return assignment
+
+
 def nearest(word: str, known: Any) -> str:
     """Return ', did you mean ...?' for the nearest known word, empty when none is near."""
     close = difflib.get_close_matches(word, list(known), n=1)

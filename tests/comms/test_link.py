@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from comms import link
+from comms.codec import Reject
 from comms.link import (
-    WINDOW_PACKETS,
     LinkCount,
     LinkFaults,
     LinkModel,
@@ -124,6 +124,27 @@ def test_jitter_is_uniform_over_its_width_whatever_is_lost(loss: float) -> None:
     assert gap < 1.95 / math.sqrt(len(shares))  # Kolmogorov-Smirnov, 0.1 %
 
 
+@pytest.mark.parametrize("loss", [0.05, 0.5, 0.95])
+@pytest.mark.parametrize("burst", [1, 7])
+def test_the_delay_of_a_packet_is_the_same_whatever_is_lost(loss: float, burst: int) -> None:
+    """Loss and jitter draw from streams of their own: a loss takes packets, and moves none."""
+    lossless = LinkModel(LinkFaults(jitter_ms=8), 5, 2)
+    lossy = LinkModel(LinkFaults(jitter_ms=8, loss=loss, burst=burst), 5, 2)
+    kept = [seq for seq in range(2000) if lossy.delay_ns(seq) is not None]
+    assert 0 < len(kept) < 2000
+    assert all(lossy.delay_ns(seq) == lossless.delay_ns(seq) for seq in kept)
+
+
+@pytest.mark.parametrize(("loss", "burst"), [(0.5, 1), (0.9, 1), (0.9, 4)])
+def test_the_delays_of_the_packets_that_survive_are_uniform(loss: float, burst: int) -> None:
+    """One stream for both would leave them the long delays alone: those above the threshold."""
+    model = LinkModel(LinkFaults(jitter_ms=8, loss=loss, burst=burst), 3, 6)
+    delays = (model.delay_ns(seq) for seq in range(PACKETS))
+    shares = sorted(delay_ns / (8 * MS) for delay_ns in delays if delay_ns is not None)
+    gap = max(abs(share - (k + 0.5) / len(shares)) for k, share in enumerate(shares))
+    assert gap < 1.95 / math.sqrt(len(shares))  # Kolmogorov-Smirnov, 0.1 %
+
+
 def test_jitter_does_not_choose_which_packets_are_lost() -> None:
     plain, late = LinkFaults(loss=0.3), LinkFaults(loss=0.3, delay_ms=5, jitter_ms=40)
     assert lost(LinkModel(plain, 2, 9), 2000) == lost(LinkModel(late, 2, 9), 2000)
@@ -133,17 +154,23 @@ def test_without_faults_everything_arrives_at_once() -> None:
     assert {LinkModel(LinkFaults(), 3, 3).delay_ns(seq) for seq in range(1000)} == {0}
 
 
+# around the end of the window too: 4096 numbers, those of 20 s at 200 Hz
+numbers_around = st.one_of(st.integers(0, 300), st.integers(4000, 4200), st.integers(8100, 8300))
+
+
 @UNTIMED
-@given(st.lists(st.integers(0, 300), max_size=200))
-def test_a_number_is_accepted_once_and_only_if_it_is_the_newest(arrivals: list[int]) -> None:
+@given(st.lists(numbers_around, max_size=200))
+def test_a_number_is_the_newest_or_overtaken_or_a_copy_or_before_the_window(
+    arrivals: list[int],
+) -> None:
     window, seen, newest = SequenceWindow(), set[int](), -1
     for seq in arrivals:
         if seq > newest:
-            expected = None
-        elif seq in seen and newest - seq < WINDOW_PACKETS:
-            expected = "duplicate"
-        else:
+            expected = ""
+        elif newest - seq >= 4096:
             expected = "old"
+        else:
+            expected = "duplicate" if seq in seen else "superseded"
         assert window.register(seq) == expected
         seen.add(seq)
         newest = max(newest, seq)
@@ -153,21 +180,44 @@ def test_a_number_is_accepted_once_and_only_if_it_is_the_newest(arrivals: list[i
 @given(st.sets(seqs, min_size=1, max_size=50))
 def test_increasing_numbers_are_all_accepted_whatever_their_distance(numbers: set[int]) -> None:
     window = SequenceWindow()
-    assert [window.register(seq) for seq in sorted(numbers)] == [None] * len(numbers)
+    assert [window.register(seq) for seq in sorted(numbers)] == [""] * len(numbers)
 
 
 def test_a_number_from_the_far_past_is_old_and_so_is_its_copy() -> None:
     window = SequenceWindow()
     assert [window.register(seq) for seq in (2**32 - 1, 0, 0, 2**32 - 1)] == [
-        None,
+        "",
         "old",
         "old",
         "duplicate",
     ]
 
 
+def test_a_copy_of_a_packet_that_is_not_the_newest_is_a_duplicate() -> None:
+    window = SequenceWindow()
+    assert [window.register(seq) for seq in range(10)] == [""] * 10
+    assert [window.register(seq) for seq in (3, 0, 9, 3)] == ["duplicate"] * 4
+
+
+def test_a_packet_that_was_overtaken_is_superseded_once_and_then_a_copy() -> None:
+    window = SequenceWindow()
+    arrivals = [window.register(seq) for seq in (0, 1, 4, 3, 3, 2, 5, 4)]
+    assert arrivals == ["", "", "", "superseded", "duplicate", "superseded", "", "duplicate"]
+
+
+@pytest.mark.parametrize("jump", [1, 4095, 4096, 4097, 2**31])
+def test_a_jump_forgets_what_is_before_the_window_and_nothing_else(jump: int) -> None:
+    window = SequenceWindow()
+    assert [window.register(seq) for seq in (10, 10 + jump)] == ["", ""]
+    assert window.register(10) == ("duplicate" if jump < 4096 else "old")
+    assert window.register(10 + jump) == "duplicate"
+
+
 outcomes = st.sampled_from(
-    ["delivered", "late", "copied", "crc", "old", "lost_link", "lost_queue", "lost_kernel"]
+    [
+        *("delivered", "late", "overtaken", "copied"),
+        *("crc", "old", "lost_link", "lost_queue", "lost_kernel"),
+    ]
 )
 
 
@@ -179,8 +229,9 @@ def test_the_ledger_balances_for_any_mix_of_outcomes(packets: list[str]) -> None
         sender.sent += 1
         sender.lost_link += outcome == "lost_link"
         sender.lost_queue += outcome == "lost_queue"
-        receiver.delivered += outcome in ("delivered", "late", "copied")
+        receiver.delivered += outcome in ("delivered", "late", "overtaken", "copied")
         receiver.late += outcome == "late"
+        receiver.superseded += outcome == "overtaken"
         receiver.duplicated += outcome == "copied"
         receiver.lost_kernel += outcome == "lost_kernel"
         if outcome in ("crc", "old"):
@@ -191,6 +242,7 @@ def test_the_ledger_balances_for_any_mix_of_outcomes(packets: list[str]) -> None
     assert row.lost == sum(outcome.startswith("lost") for outcome in packets)
     assert row.sent == len(packets)
     assert (row.late, row.duplicated) == (packets.count("late"), packets.count("copied"))
+    assert row.superseded == packets.count("overtaken")
     assert row.rejected == {
         reason: packets.count(reason) for reason in ("crc", "old") if reason in packets
     }
@@ -201,9 +253,25 @@ def test_the_ledger_balances_for_any_mix_of_outcomes(packets: list[str]) -> None
 def test_foreign_packets_are_counted_and_do_not_unbalance_the_ledger(
     sent: int, foreign: int
 ) -> None:
-    receiver = LinkCount(delivered=sent, rejected={"session": foreign})
-    row = merge_counts(LinkCount(sent=sent), receiver)
-    assert (row.unaccounted, row.rejected) == (0, {"session": foreign})
+    row = merge_counts(LinkCount(sent=sent), LinkCount(delivered=sent, foreign=foreign))
+    assert (row.unaccounted, row.foreign, row.rejected) == (0, foreign, {})
+
+
+@pytest.mark.parametrize(
+    "reason", [*(r.value for r in Reject), "old", "a reason of a later version"]
+)
+def test_a_rejected_packet_of_the_own_sender_is_in_the_sum_whatever_the_reason(reason: str) -> None:
+    sender, receiver = LinkCount(sent=5), LinkCount(delivered=3)
+    receiver.reject(reason)
+    assert merge_counts(sender, receiver).unaccounted == 1
+    receiver.reject(reason)
+    row = merge_counts(sender, receiver)
+    assert (row.unaccounted, row.rejected) == (0, {reason: 2})
+
+
+def test_a_packet_that_no_end_counted_is_unaccounted() -> None:
+    row = merge_counts(LinkCount(sent=9, lost_link=1), LinkCount(delivered=5, superseded=4))
+    assert row.unaccounted == 3
 
 
 def test_merging_leaves_both_counts_unchanged() -> None:

@@ -34,8 +34,9 @@ OLD_LOG = Path(__file__).parents[1] / "data" / "logs" / "e295f92_move_virtual.mc
 NEW_NAMES = {"platform": "platform_1", "frame": "frame_1", "angle": "angle_1"}
 REWRITTEN = {
     *("/angle_1", "/truth", "/joint_state", "/setpoint"),
-    *(f"/{kind}/{name}" for kind in ("receipts", "link") for name in NEW_NAMES.values()),
+    *(f"/receipts/{name}" for name in NEW_NAMES.values()),
 }
+UNKNOWN_TO_VERSION_1 = {"superseded": 0, "foreign": 0}  # in a row of the ledger
 
 
 def raw_messages(path: Path) -> dict[str, list[bytes]]:
@@ -99,20 +100,69 @@ def test_the_ledger_keeps_the_order_of_the_file(log: Log, raw: dict[str, list[by
 
 
 def test_what_did_not_change_is_read_byte_for_byte(log: Log, raw: dict[str, list[bytes]]) -> None:
-    kept = {topic for topic in raw if new_topic(topic) not in REWRITTEN}
+    kept = {
+        topic
+        for topic in raw
+        if new_topic(topic) not in REWRITTEN and not topic.startswith("/link/")
+    }
     assert {"/reference", "/robot_state", "/platform", "/frame", "/events"} <= kept
     for topic in kept:
         assert [entry.data for entry in log.topics[new_topic(topic)]] == raw[topic]
 
 
-def test_receipts_and_link_rows_name_the_new_channel_and_keep_their_counts(
+def test_receipts_name_the_new_channel_and_keep_their_rows(
     log: Log, raw: dict[str, list[bytes]]
 ) -> None:
     for old, new in NEW_NAMES.items():
-        for kind, topic in ((Receipts, "receipts"), (LinkRow, "link")):
-            got = [msgspec.to_builtins(row) for row in log.read(f"/{topic}/{new}", kind)]
-            expected = [record | {"channel": new} for record in records(raw, f"/{topic}/{old}")]
-            assert json.loads(json.dumps(got)) == expected
+        got = [msgspec.to_builtins(row) for row in log.read(f"/receipts/{new}", Receipts)]
+        expected = [record | {"channel": new} for record in records(raw, f"/receipts/{old}")]
+        assert json.loads(json.dumps(got)) == expected
+
+
+def test_every_link_row_names_the_new_channel_and_keeps_its_counts(
+    log: Log, raw: dict[str, list[bytes]]
+) -> None:
+    topics = [topic for topic in raw if topic.startswith("/link/")]
+    assert len(topics) > len(NEW_NAMES)
+    for topic in topics:
+        got = [msgspec.to_builtins(row) for row in log.read(new_topic(topic), LinkRow)]
+        for row, record in zip(got, records(raw, topic), strict=True):
+            channel = record["channel"]
+            assert row["channel"] == NEW_NAMES.get(channel, channel)
+            assert row["count"] == record["count"] | UNKNOWN_TO_VERSION_1
+            assert row["balanced"] == record.get("balanced", True)
+
+
+def old_row(channel: str, rejected: dict[str, int]) -> Entry:
+    """A row of the ledger of version 1, with rejected packets."""
+    counts = ("sent", "delivered", "lost_link", "lost_kernel", "lost_queue", "duplicated", "late")
+    count = dict.fromkeys(counts, 0) | {"sent": 9, "delivered": 7, "rejected": rejected}
+    data = json.dumps({"channel": channel, "count": count, "balanced": True}).encode()
+    return Entry(5, 4, data)
+
+
+def upgraded_count(channel: str, rejected: dict[str, int]) -> LinkCount:
+    """The count of such a row as it is read today."""
+    topics = {f"/link/{channel}": [old_row(channel, rejected)]}
+    old_log.upgrade(topics)
+    ((entry,),) = topics.values()
+    assert (entry.log_ns, entry.publish_ns) == (5, 4)
+    return msgspec.json.decode(entry.data, type=LinkRow).count
+
+
+@pytest.mark.parametrize("channel", ["reference", "angle"])
+@pytest.mark.parametrize("reason", ["length", "magic", "version", "channel", "session"])
+def test_what_version_1_rejected_as_not_of_the_link_is_foreign_and_outside_the_sum(
+    channel: str, reason: str
+) -> None:
+    count = upgraded_count(channel, {reason: 3, "crc": 2})
+    assert (count.foreign, count.rejected, count.unaccounted) == (3, {"crc": 2}, 0)
+
+
+def test_foreign_packets_of_several_kinds_are_added_up() -> None:
+    count = upgraded_count("setpoint", {"session": 3, "length": 4, "old": 1, "out_of_range": 1})
+    assert (count.foreign, count.rejected) == (7, {"old": 1, "out_of_range": 1})
+    assert count.unaccounted == 0
 
 
 def test_angles_are_those_of_the_file_as_the_one_link_of_the_plane_x(

@@ -8,21 +8,17 @@ from collections.abc import Iterator
 import pytest
 import zmq
 
+from comms.bus_content import Content, Hello, Record, Request, StreamEnd, Telemetry
+from comms.bus_folder import address, opened
+from comms.endpoints import BUS
 from comms.errors import PortInUse
 from comms.link import LinkCount
 from comms.messages import Command, Phase, Reply, Verb
-from comms.operator_bus import (
-    DRAIN_LIMIT,
-    Context,
-    Hello,
-    OperatorBus,
-    Record,
-    TaskBus,
-    Telemetry,
-)
+from comms.operator_bus import DRAIN_LIMIT, Context, OperatorBus, TaskBus, identity
 from comms.operator_request import OperatorRequests
 from comms.records import Event, LinkRow, Receipts, TaskTiming
-from comms.udp import free_port, port_is_free
+from comms.udp import free_ports, port_is_free
+from tests.comms.wire_reference import SESSION
 
 HOST = "127.0.0.1"
 LOOKS, LOOK_MS = 100, 50  # five seconds, far beyond what the loopback needs
@@ -45,33 +41,50 @@ def context() -> Iterator[Context]:
     context.destroy(0)
 
 
+Heard = list[tuple[str, Content | Request]]
+Addresses = dict[str, str]
+
+
+def tcp_addresses() -> Addresses:
+    """Free ports for the sockets of the operator."""
+    ports = free_ports(HOST, [False] * len(BUS))
+    return {name: f"tcp://{HOST}:{port}" for name, port in zip(BUS, ports, strict=True)}
+
+
+@pytest.fixture(params=["tcp", "ipc"])
+def addresses(request: pytest.FixtureRequest) -> Iterator[Addresses]:
+    """Addresses of the operator: free ports, and local sockets in a folder of their own."""
+    with opened(request.param == "ipc") as folder:
+        yield {name: address(folder, name) for name in BUS} if folder else tcp_addresses()
+
+
 @pytest.fixture
-def operator(context: Context) -> Iterator[OperatorBus]:
-    """The operator's end on free ports."""
-    bus = OperatorBus(context, HOST)
+def operator(context: Context, addresses: Addresses) -> Iterator[OperatorBus]:
+    """The operator's end, with two known tasks."""
+    bus = OperatorBus(context, ("vision", "bench"), SESSION, addresses)
     yield bus
     bus.close()
 
 
 @pytest.fixture
-def vision(context: Context, operator: OperatorBus) -> Iterator[TaskBus]:
+def vision(context: Context, operator: OperatorBus, addresses: Addresses) -> Iterator[TaskBus]:
     """The end of a task named vision, known to the operator."""
-    bus = TaskBus(context, "vision", operator.commands, operator.telemetry, operator.pictures)
+    bus = TaskBus(context, "vision", SESSION, addresses)
     bus.hello()
-    assert received(operator, 1) == [(b"vision", Hello())]
+    assert received(operator, 1) == [("vision", Hello())]
     yield bus
     bus.close()
 
 
-def received(operator: OperatorBus, count: int) -> list[tuple[bytes, object]]:
-    """The next `count` messages that the operator receives."""
-    got: list[tuple[bytes, object]] = []
+def received(operator: OperatorBus, count: int, foreign: int = 0) -> Heard:
+    """The next `count` messages that the operator hears, and as many foreign ones in all."""
+    got: Heard = []
     for _ in range(LOOKS):
         got += operator.drain()
-        if len(got) >= count:
+        if len(got) >= count and operator.foreign >= foreign:
             break
         operator.wait(LOOK_MS)
-    assert len(got) == count
+    assert (len(got), operator.foreign) == (count, foreign)
     return got
 
 
@@ -106,8 +119,8 @@ def test_a_reply_and_every_kind_of_record_arrive_unchanged(
     for record in RECORDS:
         vision.record(record)
     assert received(operator, 5) == [
-        (b"vision", REPLY),
-        *((b"vision", Record(record)) for record in RECORDS),
+        ("vision", REPLY),
+        *(("vision", Record(record)) for record in RECORDS),
     ]
 
 
@@ -119,11 +132,11 @@ def test_telemetry_arrives_in_order_once_flushed_and_pictures_at_once(
     vision.flush_telemetry()
     vision.flush_telemetry()  # the batch is empty
     assert received(operator, 2) == [
-        (b"", Telemetry("angle_1", b"\0datagram", None)),
-        (b"", Telemetry("frame_1", b"", None)),
+        ("", Telemetry("angle_1", b"\0datagram", None)),
+        ("", Telemetry("frame_1", b"", None)),
     ]
     vision.picture("frame_1", b"head", b"pixels")
-    assert received(operator, 1) == [(b"", Telemetry("frame_1", b"head", b"pixels"))]
+    assert received(operator, 1) == [("", Telemetry("frame_1", b"head", b"pixels"))]
     assert (vision.dropped_telemetry, vision.dropped_pictures) == (0, 0)
 
 
@@ -133,7 +146,7 @@ def test_telemetry_and_pictures_beyond_the_queue_are_dropped_and_counted(
     monkeypatch.setattr("comms.operator_bus.TELEMETRY_HIGH_WATER", 5)
     monkeypatch.setattr("comms.operator_bus.LINGER_MS", 0)
     nobody = "tcp://127.0.0.1:9"  # the discard port, where nobody listens
-    task = TaskBus(context, "vision", nobody, nobody, nobody)
+    task = TaskBus(context, "vision", SESSION, dict.fromkeys(BUS, nobody))
     for _ in range(8):
         task.add_telemetry("angle_1", b"")
         task.add_telemetry("angle_1", b"")
@@ -158,13 +171,24 @@ NOISE = [
 ]
 
 
-def test_invalid_messages_are_ignored(context: Context, operator: OperatorBus) -> None:
-    stranger = context.socket(zmq.DEALER)
-    stranger.setsockopt(zmq.IDENTITY, b"stranger")
-    stranger.connect(operator.commands)
-    for parts in (*NOISE, [b"hello"]):
+def stranger_at(context: Context, kind: int, where: str, name: bytes = b"") -> zmq.Socket[bytes]:
+    """A socket of another program."""
+    stranger = context.socket(kind)
+    if name:
+        stranger.setsockopt(zmq.IDENTITY, name)
+    stranger.connect(where)
+    return stranger
+
+
+@pytest.mark.parametrize("name", [b"stranger", b"vision", identity("vision", SESSION)])
+def test_invalid_messages_change_nothing_and_are_counted_as_foreign(
+    context: Context, operator: OperatorBus, addresses: Addresses, name: bytes
+) -> None:
+    stranger = stranger_at(context, zmq.DEALER, addresses["commands"], name)
+    for parts in (*NOISE, [b"", b"status"]):
         stranger.send_multipart(parts)
-    assert received(operator, 1) == [(b"stranger", Hello())]
+    [(sender, request)] = received(operator, 1, foreign=len(NOISE))
+    assert (sender, request) == ("", Request(name, "status"))
     stranger.close()
 
 
@@ -172,30 +196,60 @@ def test_invalid_messages_are_ignored(context: Context, operator: OperatorBus) -
     "parts",
     [[b""], [b"angle_1"], [b"\xff", b"", b""], [b"nothing", b"", b""], [b"angle", b"", b""]],
 )
-def test_invalid_telemetry_is_ignored(
-    context: Context, operator: OperatorBus, parts: list[bytes]
+def test_invalid_telemetry_is_ignored_and_counted_as_foreign(
+    context: Context, operator: OperatorBus, addresses: Addresses, parts: list[bytes]
 ) -> None:
-    for address, good in (
-        (operator.telemetry, [b"angle_1", b"good"]),
-        (operator.pictures, [b"angle_1", b"good", b"pixels"]),
+    foreign = 0
+    for socket, good in (
+        ("telemetry", [b"angle_1", b"good"]),
+        ("pictures", [b"angle_1", b"good", b"pixels"]),
     ):
-        stranger = context.socket(zmq.PUSH)
-        stranger.connect(address)
+        stranger = stranger_at(context, zmq.PUSH, addresses[socket])
         stranger.send_multipart(parts)
         stranger.send_multipart(good)
+        foreign += -(-len(parts) // len(good))  # each started copy
         pixels = good[2] if len(good) == 3 else None
-        assert received(operator, 1) == [(b"", Telemetry("angle_1", b"good", pixels))]
+        got = received(operator, 1, foreign)
+        assert got == [("", Telemetry("angle_1", b"good", pixels))]
         stranger.close()
 
 
-def test_a_second_terminal_gets_its_answers_in_order(operator: OperatorBus) -> None:
-    terminal = OperatorRequests(operator.commands)
+def test_a_task_is_known_by_its_name_and_the_session_of_the_run() -> None:
+    assert identity("vision", 0x1234) == b"vision:0000000000001234"
+    assert identity("vision", 2**63 - 1) == b"vision:7fffffffffffffff"
+
+
+def test_each_stream_of_a_task_ends_on_its_own(operator: OperatorBus, vision: TaskBus) -> None:
+    vision.add_telemetry("angle_1", b"last")
+    vision.end_streams()
+    heard = received(operator, 3)
+    assert ("vision", StreamEnd("control")) in heard
+    ends = [("", Telemetry("angle_1", b"last", None)), ("vision", StreamEnd("telemetry"))]
+    assert [message for message in heard if message in ends] == ends
+
+
+def test_a_command_to_a_task_of_another_run_does_not_reach_it(
+    context: Context, operator: OperatorBus, addresses: Addresses, vision: TaskBus
+) -> None:
+    other = TaskBus(context, "vision", SESSION + 1, addresses)
+    other.hello()
+    assert received(operator, 0, foreign=1) == []
+    operator.heartbeat("vision")
+    assert commands(vision, 1) == [None]
+    assert list(other.drain()) == []
+    other.close()
+
+
+def test_a_second_terminal_gets_its_answers_in_order(
+    operator: OperatorBus, addresses: Addresses
+) -> None:
+    terminal = OperatorRequests(addresses["commands"])
     for request in ("stop", "status"):
         terminal.send(request)
-    requests = received(operator, 2)
-    assert [request for _, request in requests] == ["stop", "status"]
-    for client, request in requests:
-        operator.answer(client, f"{request} answered")
+    requests = [message for _, message in received(operator, 2) if isinstance(message, Request)]
+    assert [request.text for request in requests] == ["stop", "status"]
+    for asked in requests:
+        operator.answer(asked.client, f"{asked.text} answered")
     answers = [terminal.receive(LOOKS * LOOK_MS) for _ in requests]
     assert answers == ["stop answered", "status answered"]
     terminal.close()
@@ -213,28 +267,26 @@ def test_an_address_that_is_none_is_named() -> None:
         OperatorRequests("nowhere")
 
 
-def test_a_fixed_port_takes_the_two_above_it_too(context: Context) -> None:
-    ports = iter(lambda: free_port(HOST, udp=False), None)
-    port = next(
-        port for port in ports if all(port_is_free(HOST, port + k, udp=False) for k in (1, 2))
-    )
-    bus = OperatorBus(context, HOST, port)
-    assert [bus.commands, bus.telemetry, bus.pictures] == [
-        f"tcp://{HOST}:{port + k}" for k in range(3)
-    ]
+@pytest.mark.parametrize("taken", BUS)
+def test_an_address_in_use_is_named_with_what_to_do_and_the_others_are_freed(taken: str) -> None:
+    held, refused = zmq.Context(), zmq.Context()
+    first = tcp_addresses()
+    bus = OperatorBus(held, ("vision",), SESSION, first)
+    second = tcp_addresses() | {taken: first[taken]}
+    told = rf"{first[taken]} for the operator's bus: .*network\.base_port"
+    with pytest.raises(PortInUse, match=told):
+        OperatorBus(refused, ("vision",), SESSION, second)
+    refused.term()  # returns when its sockets are closed
+    for where in (*second.values(), *first.values()):
+        port = int(where.rpartition(":")[2])
+        assert port_is_free(HOST, port, udp=False) == (where not in first.values())
     bus.close()
+    held.term()
 
 
-def test_a_port_in_use_is_named_with_what_to_do(context: Context, operator: OperatorBus) -> None:
-    port = int(operator.telemetry.rpartition(":")[2])
-    with pytest.raises(PortInUse, match=rf"TCP port {port} on {HOST} .*network\.base_port"):
-        OperatorBus(context, HOST, port)
-
-
-def fill(context: Context, address: str, kind: int, parts: list[bytes]) -> zmq.Socket[bytes]:
+def fill(context: Context, where: str, kind: int, parts: list[bytes]) -> zmq.Socket[bytes]:
     """Send a socket of the operator far more than one drain may read."""
-    stranger = context.socket(kind)
-    stranger.connect(address)
+    stranger = stranger_at(context, kind, where)
     for _ in range(5 * DRAIN_LIMIT):
         stranger.send_multipart(parts)
     return stranger
@@ -242,12 +294,12 @@ def fill(context: Context, address: str, kind: int, parts: list[bytes]) -> zmq.S
 
 @pytest.mark.parametrize("socket", ["commands", "telemetry", "pictures"])
 def test_a_drain_of_the_operator_is_bounded_and_the_next_one_goes_on(
-    context: Context, operator: OperatorBus, socket: str
+    context: Context, operator: OperatorBus, addresses: Addresses, socket: str
 ) -> None:
-    kind, parts = (zmq.DEALER, [b"hello"])
+    kind, parts = (zmq.DEALER, [b"", b"status"])
     if socket != "commands":
         kind, parts = (zmq.PUSH, [b"angle_1", b"good", b"pixels"])
-    stranger = fill(context, getattr(operator, socket), kind, parts)
+    stranger = fill(context, addresses[socket], kind, parts)
     counts = []
     for _ in range(5 * DRAIN_LIMIT * 2):  # pictures may come one by one
         operator.wait(LOOK_MS)

@@ -14,10 +14,11 @@ import pytest
 import zmq
 
 from comms import frames, operator_bus, runner
-from comms.channels import DATA
+from comms.bus_content import Hello, Record, StreamEnd, Telemetry
 from comms.clock import MonotonicClock, new_run_clock
 from comms.codec import Closing, decode, encode, encode_closing
-from comms.ends import ChannelReceiver
+from comms.endpoints import choose_ports, endpoints
+from comms.ends import ChannelReceiver, Wiring
 from comms.link import LinkCount, LinkFaults, LinkModel, merge_counts
 from comms.messages import (
     Command,
@@ -30,12 +31,12 @@ from comms.messages import (
     Truth,
     Verb,
 )
-from comms.operator_bus import Context, Hello, OperatorBus, Record, StreamEnd, Telemetry
+from comms.operator_bus import Context, OperatorBus
 from comms.records import Event, LinkRow, Receipts, TaskTiming
-from comms.runner import ORPHANED, WallRunner, Wiring
+from comms.runner import ORPHANED, WallRunner
 from comms.stop_port import send_stop
 from comms.task import NO_STEP, Send, Step
-from comms.udp import UdpReceiver, UdpSender, free_port
+from comms.udp import UdpReceiver, UdpSender
 from tests.comms.wire_reference import SESSION, Gate
 
 HOST, MS = "127.0.0.1", 1_000_000
@@ -138,11 +139,12 @@ class Operator:
     """Test side of a run: the bus, the other ends of the channels, the runner in a thread."""
 
     def __init__(self, context: Context, task: Echo) -> None:
-        self.bus, self.task = OperatorBus(context, HOST), task
+        self.task = task
+        self.ends = endpoints(HOST, choose_ports(HOST, 0), None)
+        self.bus = OperatorBus(context, [task.name], SESSION, self.ends.addresses)
         self.clock: MonotonicClock = new_run_clock()
-        self.states = UdpReceiver(HOST, 0, "robot_state")
-        self.ports = {name: free_port(HOST, udp=name != "frame_1") for name in DATA}
-        self.ports["robot_state"] = self.states.port
+        ports = self.ends.ports["robot_state"]
+        self.states = UdpReceiver(HOST, ports.receiver, "robot_state", ports.sender)
         self.heard: list[object] = []
         self.exit_codes: list[int] = []
         self._thread: threading.Thread | None = None
@@ -154,16 +156,19 @@ class Operator:
             seed=5,
             zero_ns=self.clock.zero_ns,
             host=HOST,
-            ports=self.ports,
-            commands=self.bus.commands,
-            telemetry=self.bus.telemetry,
-            pictures=self.bus.pictures,
+            ports=dict(self.ends.ports),
+            addresses=dict(self.ends.addresses),
             faults={"robot_state": LOSSY},
         )
         wiring = msgspec.structs.replace(wiring, **changes)
         wall = WallRunner(self.task, wiring, self.clock, pipe)
         self._thread = threading.Thread(target=lambda: self.exit_codes.append(wall.run()))
         self._thread.start()
+
+    def sender(self, channel: str) -> UdpSender:
+        """The other end of an input of the task."""
+        ports = self.ends.ports[channel]
+        return UdpSender(HOST, ports.receiver, ports.sender, channel)
 
     def order(self, verb: Verb, number: int) -> None:
         """Send a command."""
@@ -256,7 +261,7 @@ def echoes(operator: Operator) -> tuple[Gate, list[RobotState], list[int], Closi
 def close_inputs(operator: Operator, references: UdpSender, count: int) -> None:
     """Send the closing datagram on both inputs of the controller."""
     references.send(encode_closing("reference", count, 0, SESSION))
-    joints = UdpSender(HOST, operator.ports["joint_state"])
+    joints = operator.sender("joint_state")
     joints.send(encode_closing("joint_state", 0, 0, SESSION))
     joints.close()
 
@@ -272,7 +277,7 @@ def test_a_task_starts_answers_commands_and_leaves_a_balanced_ledger(
     operator.hears(Reply)
     assert [(r.id, r.text) for r in operator.all(Reply) if isinstance(r, Reply)] == [(7, "status")]
 
-    references = UdpSender(HOST, operator.ports["reference"])
+    references = operator.sender("reference")
     sent = [reference(seq) for seq in range(PACKETS)]
     copy = sent[-1]
     cut = sent[0][:-1]
@@ -296,8 +301,8 @@ def test_a_task_starts_answers_commands_and_leaves_a_balanced_ledger(
         duplicated=1,
         rejected={"length": 1, "crc": 1},
     )
-    # neither the copy nor the cut one counts as sent
-    assert merge_counts(LinkCount(sent=PACKETS + 1), rows["reference"]).unaccounted == 0
+    # sent once each, the cut and the damaged one too: the copy is outside the sum
+    assert merge_counts(LinkCount(sent=PACKETS + 2), rows["reference"]).unaccounted == 0
     model = LinkModel(LOSSY, 5, 6)
     kept = [seq for seq in range(PACKETS + 1) if model.delay_ns(seq) is not None]
     assert [message.seq for message in got] == kept  # with the last one, sent at the stop
@@ -312,7 +317,7 @@ def test_every_message_is_copied_to_telemetry_once_and_every_receipt_is_written(
 ) -> None:
     operator.launch()
     operator.hears(Hello)
-    references = UdpSender(HOST, operator.ports["reference"])
+    references = operator.sender("reference")
     for seq in (0, 2, 1, 2):
         references.send(reference(seq))
     operator.hears(Telemetry, 2)
@@ -336,9 +341,131 @@ def test_every_message_is_copied_to_telemetry_once_and_every_receipt_is_written(
     assert [(seq, outcome) for seq, _, outcome in rows] == [
         (0, ""),
         (2, ""),
-        (1, "old"),
+        (1, "superseded"),
         (2, "duplicate"),
     ]
+    row = operator.rows()["reference"]
+    assert (row.delivered, row.superseded, row.duplicated, row.rejected) == (3, 1, 1, {})
+    assert merge_counts(LinkCount(sent=3), row).unaccounted == 0
+
+
+def test_an_overtaken_reference_is_counted_and_does_not_reach_the_task(
+    operator: Operator,
+) -> None:
+    operator.launch()
+    operator.hears(Hello)
+    references = operator.sender("reference")
+    for seq in (5, 3, 4, 9):
+        references.send(reference(seq))
+    operator.hears(Telemetry, 2)
+    close_inputs(operator, references, 4)
+    references.close()
+    operator.order(Verb.CLOSE, 1)
+    operator.hears(StreamEnd, 2)
+    assert operator.exit_code() == 0
+    operator.hears(Telemetry, 3)
+    copies = [copy for copy in operator.all(Telemetry) if isinstance(copy, Telemetry)]
+    answers = [decode(copy.channel, copy.data, SESSION) for copy in copies]
+    assert [a.seq for a in answers if isinstance(a, RobotState)] == [5, 9, PACKETS]
+    row = operator.rows()["reference"]
+    assert (row.delivered, row.superseded) == (4, 2)
+    assert merge_counts(LinkCount(sent=4), row).unaccounted == 0
+
+
+def test_a_stranger_on_the_machine_reaches_neither_task_nor_ledger(
+    operator: Operator, quick: None
+) -> None:
+    operator.launch()
+    operator.hears(Hello)
+    operator.bus.heartbeat("controller")
+    references = operator.sender("reference")
+    stranger = UdpSender(HOST, operator.ends.ports["reference"].receiver, 0, "a stranger")
+    for seq in range(5):
+        stranger.send(reference(100 + seq))  # knows even the session
+        stranger.send(b"junk")
+        references.send(reference(seq))
+    operator.hears(Telemetry, 5)
+    operator.order(Verb.CLOSE, 1)
+    operator.hears(StreamEnd, 2)
+    assert operator.exit_code() == 0
+    row = operator.rows()["reference"]
+    assert (row.delivered, row.rejected, row.duplicated, row.foreign) == (5, {}, 0, 0)
+    references.close()
+    stranger.close()
+
+
+class AtTheClose(MonotonicClock):
+    """Clock that stands from the close on, but for a step at each look."""
+
+    stands_at_ns, steps_ns = 0, 0
+
+    def now_ns(self) -> int:
+        """Read the time."""
+        if not self.stands_at_ns:
+            return super().now_ns()
+        self.stands_at_ns += self.steps_ns
+        return self.stands_at_ns
+
+
+def drained_ms(
+    operator: Operator, monkeypatch: pytest.MonkeyPatch, closed: list[str], **changes: object
+) -> float:
+    """Time that the controller goes on reading after its close; closed: inputs that end."""
+    clock = AtTheClose(operator.clock.zero_ns)
+
+    class Stopped(Echo):
+        """Task at whose stop the clock is stopped as well."""
+
+        def stop(self, t_ns: int) -> Step:
+            clock.stands_at_ns, clock.steps_ns = t_ns, MS
+            self.stop_ns = t_ns
+            return NO_STEP
+
+    monkeypatch.setattr(runner, "DRAIN_POLL_S", 0.0)
+    operator.clock, operator.task = clock, Stopped()
+    operator.launch(None, operator_silent_ns=3_600_000 * MS, **changes)
+    operator.hears(Hello)
+    operator.bus.heartbeat("controller")
+    for name in closed:
+        sender = operator.sender(name)
+        sender.send(encode_closing(name, 0, 0, SESSION))
+        sender.close()
+    operator.order(Verb.STATUS, 1)
+    operator.hears(Reply)
+    operator.order(Verb.CLOSE, 2)
+    operator.hears(StreamEnd, 2)
+    assert operator.exit_code() == 0
+    return (clock.stands_at_ns - operator.task.stop_ns) / MS
+
+
+INPUTS = ["reference", "joint_state"]
+LOOKS_AT_THE_CLOSE_MS = 30  # looks at the clock beside those of the wait
+
+
+@pytest.mark.parametrize("closed", [[], INPUTS[:1], INPUTS[1:]])
+def test_a_task_reads_for_200_ms_after_its_close_while_an_input_is_open(
+    operator: Operator, monkeypatch: pytest.MonkeyPatch, closed: list[str]
+) -> None:
+    waited_ms = drained_ms(operator, monkeypatch, closed)
+    assert 200 <= waited_ms <= 200 + LOOKS_AT_THE_CLOSE_MS
+
+
+def test_the_closing_datagrams_of_all_inputs_end_the_wait_at_once(
+    operator: Operator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert drained_ms(operator, monkeypatch, INPUTS) <= LOOKS_AT_THE_CLOSE_MS
+
+
+def test_the_wait_after_the_close_lasts_the_longest_delay_of_a_link_more(
+    operator: Operator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    faults = {
+        "reference": LinkFaults(delay_ms=300.0, jitter_ms=150.0),
+        "joint_state": LinkFaults(delay_ms=20.0),
+        "angle_1": LinkFaults(delay_ms=5000.0),  # of another task
+    }
+    waited_ms = drained_ms(operator, monkeypatch, [], faults=faults)
+    assert 650 <= waited_ms <= 650 + LOOKS_AT_THE_CLOSE_MS
 
 
 def test_no_tick_is_early_and_the_lateness_of_each_is_recorded(
@@ -522,7 +649,7 @@ def test_a_tick_that_is_due_is_served_before_every_read(
 def test_a_stop_datagram_stops_the_task_once_and_reports_it_and_junk_does_nothing(
     operator: Operator, alone: None, request_name: str, verb: Verb, code: int
 ) -> None:
-    key, port = bytes(range(16)), free_port(HOST)
+    key, port = bytes(range(16)), operator.ends.stop_ports["controller"]
     started_controller(operator, stop_ports={"controller": port}, stop_key=key.hex())
     send_stop(port, key[:-1] + b"x", request_name)
     send_stop(port, key, "start")

@@ -417,17 +417,34 @@ def setpoint(seq: int, t_ns: int = 0) -> Setpoint:
 def test_a_copy_an_overtaken_packet_and_its_copy_have_counters_of_their_own() -> None:
     gate = Gate("setpoint")
     outcomes = [
-        gate.admit(setpoint(seq), t_ns=t, late_ns=9)[1] for t, seq in enumerate((4, 4, 3, 3, 5))
+        gate.admit(setpoint(seq), t_ns=t, late_ns=9) for t, seq in enumerate((4, 4, 3, 3, 5))
     ]
-    copy, old = {"duplicated": 1}, {"rejected old": 1}
-    assert outcomes == [{"delivered": 1}, copy, old, copy, {"delivered": 1}]
+    taken, copy, overtaken = {"delivered": 1}, {"duplicated": 1}, {"delivered": 1, "superseded": 1}
+    assert [up for _, up in outcomes] == [taken, copy, overtaken, copy, taken]
+    assert [message and message.seq for message, _ in outcomes] == [4, None, None, None, 5]
     assert gate.receipts == [
         (4, 0, ""),
         (4, 1, "duplicate"),
-        (3, 2, "old"),
+        (3, 2, "superseded"),
         (3, 3, "duplicate"),
         (5, 4, ""),
     ]
+
+
+def test_a_packet_from_before_the_window_is_rejected_as_old() -> None:
+    """Nothing tells it from a copy any more."""
+    gate = Gate("setpoint")
+    assert gate.admit(setpoint(5000))[1] == {"delivered": 1}
+    assert gate.admit(setpoint(5000 - 4096)) == (None, {"rejected old": 1})
+    assert gate.admit(setpoint(5000 - 4095))[1] == {"delivered": 1, "superseded": 1}
+    assert gate.receipts == [(5000, 0, ""), (904, 0, "old"), (905, 0, "superseded")]
+
+
+def test_an_overtaken_packet_may_be_late_as_well() -> None:
+    gate = Gate("setpoint")
+    gate.admit(setpoint(1, t_ns=100), t_ns=110, late_ns=30)
+    message, up = gate.admit(setpoint(0, t_ns=90), t_ns=121, late_ns=30)
+    assert (message, up) == (None, {"delivered": 1, "superseded": 1, "late": 1})
 
 
 def test_late_messages_are_delivered_and_older_than_the_limit() -> None:

@@ -6,13 +6,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
+from comms import bus_folder
 from comms.channels import MS
 from comms.clock import MonotonicClock, epoch_now_ns, new_run_clock, stopwatch_s, utc_now
+from comms.endpoints import choose_ports, endpoints
 from comms.errors import CommsError
 from comms.link import LinkCount
 from comms.task import Task
 from rig.errors import EXIT_STATUS, FAULT, REFUSED, RigError, RunFailed
-from rig.run import runs
+from rig.run import operator_file, runs
 from rig.run.job import Job
 from rig.run.recorder import Recorder
 from rig.run.run_metadata import start_metadata
@@ -160,16 +162,19 @@ def _run_wall(
     runner = ProcessRunner(
         job.settings, operator, clock, recorder, interrupts, lambda t: progress(t, operator), folder
     )
+    host = e.network.bind
+    operator_file.remove_stale(folder.parent)
     try:
-        ended.counts = runner.run(
-            e.network.bind,
-            e.network.base_port,
-            e.experiment.seed,
-            dict(e.links),
-            e.record.pictures_hz,
-            round(e.safety.operator_silent_ms * MS),
-            _stop_ns(job),
-        )
+        with bus_folder.opened(e.network.bus == "ipc") as sockets:
+            ended.counts = runner.run(
+                host,
+                endpoints(host, choose_ports(host, e.network.base_port), sockets),
+                e.experiment.seed,
+                dict(e.links),
+                e.record.pictures_hz,
+                round(e.safety.operator_silent_ms * MS),
+                _stop_ns(job),
+            )
     finally:
         ended.end_ns = clock.now_ns()
     cpu = runner.cpu_share.items()

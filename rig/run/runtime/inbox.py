@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Set
+from collections.abc import Callable
 from typing import Any
 
-from comms.codec import decode
+from comms.bus_content import Content, Hello, Record, StreamEnd, Telemetry
+from comms.codec import Reject, decode
 from comms.frames import with_pixels
 from comms.messages import Frame, Message, Reply, RobotState
-from comms.operator_bus import Hello, Record, StreamEnd, Telemetry
 from comms.records import LinkRow, TaskTiming
 from comms.task import Step
 from rig.run.recorder import Recorder
@@ -20,22 +20,21 @@ from rig.run.tasks.operator import Operator
 
 
 class Inbox:
-    """Table of handlers by type of message; a message of an unknown sender is ignored."""
+    """Table of handlers by type of message."""
 
     def __init__(
         self,
-        tasks: Set[str],
         session: int,
         operator: Operator,
         recorder: Recorder,
         carry_out: Callable[[Step], None],
     ) -> None:
-        """tasks: names of the known senders. carry_out: receives what the operator returns."""
+        """carry_out: receives what the operator returns."""
         self.roster = Roster()
         self.counts = ChannelCounts()
         self.starvation = Starvation()
         self.robot = RobotWatch(operator)
-        self._tasks = tasks
+        self.foreign = 0  # telemetry of no task of this run
         self._session = session
         self._operator = operator
         self._recorder = recorder
@@ -47,13 +46,11 @@ class Inbox:
             Record: self._on_record,
         }
 
-    def handle(
-        self, sender: str, content: Hello | StreamEnd | Reply | Record | Telemetry, now_ns: int
-    ) -> None:
-        """Handle one message; telemetry names no sender."""
+    def handle(self, sender: str, content: Content, now_ns: int) -> None:
+        """Handle one message of a task; telemetry names no sender."""
         if isinstance(content, Telemetry):
             self._log_telemetry(content, now_ns)
-        elif sender in self._tasks:
+        else:
             self._handlers[type(content)](sender, content, now_ns)
 
     def _on_hello(self, task: str, hello: Hello, now_ns: int) -> None:
@@ -78,7 +75,9 @@ class Inbox:
 
     def _log_telemetry(self, telemetry: Telemetry, now_ns: int) -> None:
         message = decode(telemetry.channel, telemetry.data, self._session)
-        if isinstance(message, Frame) and telemetry.pixels is not None:
+        if isinstance(message, Reject):
+            self.foreign += 1
+        elif isinstance(message, Frame) and telemetry.pixels is not None:
             frame = with_pixels(message, memoryview(telemetry.pixels))
             if isinstance(frame, Frame):
                 self._recorder.picture(frame, now_ns)

@@ -8,15 +8,17 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import zmq
 
+from comms.bus_content import Request
 from comms.channels import MS
 from comms.clock import MonotonicClock
+from comms.endpoints import Endpoints
 from comms.ends import ORPHAN_NS, Wiring
+from comms.errors import PortInUse
 from comms.link import LinkCount, LinkFaults
 from comms.messages import Command, Verb
-from comms.operator_bus import OperatorBus
+from comms.operator_bus import Context, OperatorBus
 from comms.priority import drop_priority, scheduling_of, take_priority
 from comms.records import Event
 from comms.runner import START_TIMEOUT_NS
@@ -30,7 +32,6 @@ from rig.run.runtime.children import Children
 from rig.run.runtime.cpu_meter import CpuMeter
 from rig.run.runtime.inbox import Inbox
 from rig.run.runtime.interrupts import Interrupts
-from rig.run.runtime.ports import choose_ports
 from rig.run.runtime.terminal_requests import TerminalRequests
 from rig.run.tasks.operator import Operator, Stage
 
@@ -64,7 +65,7 @@ class ProcessRunner:
         self._folder = folder
         self._session = secrets.randbits(63)
         self._children = Children(folder)
-        self._inbox = Inbox(set(settings), self._session, operator, recorder, self._carry_out)
+        self._inbox = Inbox(self._session, operator, recorder, self._carry_out)
         self._roster = self._inbox.roster
         self._requests = TerminalRequests(operator, self._inbox.robot, self._carry_out)
         self._cpu = CpuMeter(self._children)
@@ -85,7 +86,7 @@ class ProcessRunner:
     def run(
         self,
         host: str,
-        base_port: int,
+        ends: Endpoints,
         seed: int,
         faults: dict[str, LinkFaults],
         pictures_hz: float,
@@ -97,22 +98,38 @@ class ProcessRunner:
         silent_ns: silence of the operator after which the tasks that move stop. stop_ns: longest
         time of a stop. Raises PortInUse before anything starts.
         """
-        context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-        self._bus = OperatorBus(context, host, base_port)
+        context: Context = zmq.Context()
+        try:
+            self._bus = OperatorBus(context, self._settings, self._session, ends.addresses)
+        except PortInUse:
+            context.term()
+            raise
         delays_ms = [fault.delay_ms + fault.jitter_ms for fault in faults.values()]
         try:
-            wiring = msgspec.structs.replace(
-                self._wiring(host, base_port, seed, faults, pictures_hz),
+            wiring = Wiring(
+                session=self._session,
+                seed=seed,
+                zero_ns=self._clock.zero_ns,
+                host=host,
+                ports=dict(ends.ports),
+                addresses=dict(ends.addresses),
+                stop_ports=dict(ends.stop_ports),
+                stop_key=secrets.token_hex(KEY_BYTES),
+                faults=faults,
+                pictures_hz=pictures_hz,
                 operator_silent_ns=silent_ns,
                 orphan_ns=ORPHAN_NS + stop_ns,
             )
-            contact = OperatorFile(wiring.commands, os.getpid(), wiring.stop_key, wiring.stop_ports)
+            contact = OperatorFile(
+                ends.addresses["commands"], os.getpid(), wiring.stop_key, wiring.stop_ports
+            )
             contact.write(self._folder)
             self._children.start(self._settings, wiring)
             self._await_tasks()
             self._loop()
             self._await_shutdown(round(max(delays_ms, default=0) * MS))
             self._add_starvation()
+            self._log_foreign()
         except BaseException:
             self._abort()
             raise
@@ -122,30 +139,6 @@ class ProcessRunner:
             self._bus.close()
             context.term()
         return self._inbox.counts.settle(self._recorder.counts.get("truth", 0))
-
-    def _wiring(
-        self,
-        host: str,
-        base_port: int,
-        seed: int,
-        faults: dict[str, LinkFaults],
-        pictures_hz: float,
-    ) -> Wiring:
-        ports = choose_ports(host, base_port)
-        return Wiring(
-            session=self._session,
-            seed=seed,
-            zero_ns=self._clock.zero_ns,
-            host=host,
-            ports=ports.channels,
-            stop_ports=ports.stops,
-            stop_key=secrets.token_hex(KEY_BYTES),
-            commands=self._bus.commands,
-            telemetry=self._bus.telemetry,
-            pictures=self._bus.pictures,
-            faults=faults,
-            pictures_hz=pictures_hz,
-        )
 
     def _await_tasks(self) -> None:
         """Wait until the sockets of every task are open; the first heartbeat then starts them."""
@@ -211,10 +204,10 @@ class ProcessRunner:
         for sender, content in self._bus.drain():
             now_ns = self._clock.now_ns()
             self._handle_signals(now_ns)
-            if isinstance(content, str):
-                self._bus.answer(sender, self._requests.answer(content, now_ns))
+            if isinstance(content, Request):
+                self._bus.answer(content.client, self._requests.answer(content.text, now_ns))
             else:
-                self._inbox.handle(sender.decode("ascii", "replace"), content, now_ns)
+                self._inbox.handle(sender, content, now_ns)
 
     def _carry_out(self, step: Step) -> None:
         """Send and log what the operator returned: orders first, then the log."""
@@ -278,6 +271,15 @@ class ProcessRunner:
         for name in self._children.kill_running():
             text = f"task '{name}' did not shut down in time and was killed"
             event = Event(t_ns=now_ns, level="warning", source="operator", text=text)
+            self._recorder.record(event, now_ns)
+
+    def _log_foreign(self) -> None:
+        """Log the number of messages on the bus that no task of this run sent."""
+        foreign = self._bus.foreign + self._inbox.foreign
+        if foreign:
+            now_ns = self._clock.now_ns()
+            text = f"{foreign} foreign messages on the operator's bus were ignored"
+            event = Event(t_ns=now_ns, level="info", source="operator", text=text)
             self._recorder.record(event, now_ns)
 
     def _abort(self) -> None:

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from comms.endpoints import choose_ports
 from comms.link import LinkFaults
 from rig.errors import USAGE, ConfigError, RenamedKey
 from rig.run import config
@@ -231,19 +232,60 @@ def test_a_file_that_is_no_text_is_refused_in_words(tmp_path: Path) -> None:
         config.read_experiment(str(file), [])
 
 
-@pytest.mark.parametrize("port", [-1, 80, 1023, 65_525, 999_999])
+@pytest.mark.parametrize("port", [-1, 80, 1023, 65_519, 999_999])
 def test_a_first_port_that_no_run_may_use_is_refused(port: int) -> None:
     assert said_of_override(f"network.base_port={port}") == (
-        f"[network] base_port = {port}; must be 1024 to 65524, the first of 12 ports, "
+        f"[network] base_port = {port}; must be 1024 to 65518, the first of 18 ports, "
         "or 0 for free ones"
     )
 
 
-@pytest.mark.parametrize("port", [0, 1024, 65_524])
+@pytest.mark.parametrize("port", [0, 1024, 65_518])
 def test_a_first_port_leaves_room_for_all_ports_of_a_run(port: int) -> None:
     chosen = config.read_experiment("move", [f"network.base_port={port}"]).network.base_port
     assert chosen == port
-    assert port + config.PORTS - 1 <= 65_535
+    if port:
+        assert max(choose_ports("127.0.0.1", port)) <= 65_535
+
+
+BEYOND = (
+    "must be an address of this machine alone, 127.0.0.1 to 127.255.255.254: "
+    "the links have no keys, so none may be reached from outside"
+)
+
+
+@pytest.mark.parametrize("bind", ["0.0.0.0", "10.0.0.1", "128.0.0.1", "localhost", "", "::1"])
+def test_an_address_beyond_this_machine_is_refused(tmp_path: Path, bind: str) -> None:
+    told = f"[network] bind = {bind!r}; {BEYOND}"
+    assert said_of_override(f"network.bind={bind}") == told
+    assert said(tmp_path, SMALLEST + f'[network]\nbind = "{bind}"\n') == told
+
+
+@pytest.mark.parametrize("bind", ["127.0.0.1", "127.0.0.9", "127.255.255.254"])
+def test_an_address_of_this_machine_alone_is_taken(bind: str) -> None:
+    assert config.read_experiment("move", [f"network.bind={bind}"]).network.bind == bind
+
+
+def test_the_command_line_refuses_an_address_beyond_this_machine(rig: Any, tmp_path: Path) -> None:
+    code, _, why = rig("run", "move", "--set", "network.bind=0.0.0.0")
+    assert code == 2
+    assert f"[network] bind = '0.0.0.0'; {BEYOND}" in " ".join(why.split())
+    assert not (tmp_path / "runs").exists()
+
+
+@pytest.mark.parametrize("bus", ["ipc", "tcp"])
+def test_the_bus_is_of_local_sockets_or_of_ports(bus: str) -> None:
+    assert config.read_experiment("move", [f"network.bus={bus}"]).network.bus == bus
+
+
+def test_the_bus_is_of_local_sockets_unless_ports_are_asked_for() -> None:
+    assert config.read_experiment("move", []).network.bus == "ipc"
+
+
+@pytest.mark.parametrize("bus", ["udp", "IPC", "", "inproc"])
+def test_another_kind_of_bus_is_refused(bus: str) -> None:
+    told = f"[network] bus = '{bus}': must be one of 'ipc', 'tcp'"
+    assert said_of_override(f"network.bus={bus}").startswith(told)
 
 
 DEEP = 5_000
@@ -389,11 +431,10 @@ def test_an_override_of_an_old_link_is_read_under_its_new_name_with_a_note() -> 
     assert "angle" not in e.links
 
 
-def test_an_override_of_an_old_link_beside_the_new_one_of_the_file_is_refused() -> None:
-    assert said_of_override("links.frame.loss=0.5") == (
-        "[links.frame] and [links.frame_1] are the same table; must stand once: "
-        "keep [links.frame_1]"
-    )
+def test_an_override_of_an_old_link_changes_the_new_one_of_the_file() -> None:
+    with pytest.warns(RenamedKey, match=r"\[links\.frame\] is now called \[links\.frame_1\]"):
+        changed = config.read_experiment("move", ["links.frame.loss=0.5"])
+    assert changed.links["frame_1"] == LinkFaults(delay_ms=8.0, loss=0.5)
 
 
 def test_a_mistake_in_a_link_of_an_old_name_is_named_under_the_new_one(tmp_path: Path) -> None:

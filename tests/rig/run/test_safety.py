@@ -106,6 +106,58 @@ def test_a_bound_that_is_no_number_refuses_instead_of_passing(bound: str) -> Non
     assert first_refusal(envelope, along_x(0.0, 1e-4)) is not None
 
 
+def test_only_the_depth_and_the_height_of_an_envelope_have_defaults() -> None:
+    made = Envelope(position_min_m=-1.0, position_max_m=1.0, speed_m_s=2.0, acceleration_m_s2=3.0)
+    assert (made.depth_m, made.height_m) == (0.25, 0.1)
+    defaults = {f.name: f.default for f in msgspec.structs.fields(Envelope) if not f.required}
+    assert defaults == {"depth_m": 0.25, "height_m": 0.1}
+
+
+NARROW = msgspec.structs.replace(BOUNDS, position_min_m=-0.2, depth_m=0.15, height_m=0.1)
+EDGES = [(0, -0.2), (0, 0.25), (1, -0.15), (1, 0.15), (2, -0.1), (2, 0.1)]
+
+
+@pytest.mark.parametrize(("axis", "edge_m"), EDGES)
+def test_a_place_exactly_at_a_bound_passes_and_the_next_number_is_refused(
+    axis: int, edge_m: float
+) -> None:
+    def place(value: float) -> Position:
+        x, y, z = (value if k == axis else 0.0 for k in range(3))
+        return (x, y, z)
+
+    assert Gate(NARROW).refusal(0, place(edge_m)) is None
+    beyond = math.nextafter(edge_m, math.copysign(math.inf, edge_m))
+    said = Gate(NARROW).refusal(0, place(beyond))
+    assert str(said).startswith(f"{'xyz'[axis]} = ")
+
+
+# rounding of the positions, 1 nm: of two in a speed, of four in an acceleration, 10 ms apart
+@pytest.mark.parametrize(
+    ("speed_m_s", "passes"), [(1.0, True), (1.0 + 9e-8, True), (1.0 + 3e-7, False)]
+)
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_speed_exactly_at_its_bound_passes_and_one_beyond_is_refused(
+    speed_m_s: float, passes: bool, sign: float
+) -> None:
+    gate = Gate(msgspec.structs.replace(BOUNDS, acceleration_m_s2=math.inf))
+    gate.refusal(0, (0.0, 0.0, 0.0))
+    said = gate.refusal(10 * MS, (sign * speed_m_s * 0.01, 0.0, 0.0))
+    assert said is None if passes else str(said).startswith("speed 1.000 m/s; must be <= 1.000")
+
+
+@pytest.mark.parametrize(
+    ("acceleration_m_s2", "passes"), [(5.0, True), (5.0 + 3e-5, True), (5.0 + 1e-4, False)]
+)
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_an_acceleration_exactly_at_its_bound_passes_and_one_beyond_is_refused(
+    acceleration_m_s2: float, passes: bool, sign: float
+) -> None:
+    gate = Gate(BOUNDS)
+    gate.refusal(0, (0.0, 0.0, 0.0))
+    said = gate.refusal(10 * MS, (sign * acceleration_m_s2 * 0.01**2, 0.0, 0.0))
+    assert said is None if passes else str(said).startswith("acceleration 5.00 m/s2; must be <=")
+
+
 @pytest.mark.parametrize("edge_m", [-0.25, 0.25])
 def test_the_edge_itself_is_inside(edge_m: float) -> None:
     assert first_refusal(BOUNDS, along_x(edge_m, edge_m)) is None

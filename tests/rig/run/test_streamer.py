@@ -454,6 +454,28 @@ def test_a_swinging_load_is_refused_with_amplitude_bound_and_a_hint_that_suffice
     assert all(r.ok for step in allowed for r in replies(step))
 
 
+def test_a_swing_inside_the_move_alone_does_not_refuse_it() -> None:
+    """The move itself makes the load swing: its samples are no quiet ones."""
+    streamer = started(WATCHED)
+    quiet = see(streamer, range(QUIET_TICKS + 1), 0.004)  # up to the first tick of the move
+    moving = see(streamer, range(QUIET_TICKS + 1, QUIET_TICKS + MOVE_TICKS), 0.3)
+    (news,) = [r for step in (*quiet, *moving) for r in replies(step)]
+    assert (news.ok, news.exit) == (True, None)
+    assert news.text == "the load swings 4.00 mrad before the start"
+    assert references(moving[-1])[0].position_m == PLAN[QUIET_TICKS + MOVE_TICKS - 1]
+
+
+@pytest.mark.parametrize("before", [10, 30, 50])
+def test_a_swing_that_begins_shortly_before_the_move_refuses_it(before: int) -> None:
+    """The samples up to the first tick of the move count."""
+    streamer = started(WATCHED)
+    see(streamer, range(QUIET_TICKS - before), 0.004)
+    steps = see(streamer, range(QUIET_TICKS - before, QUIET_TICKS + 20), 0.3)
+    (news,) = [r for step in steps for r in replies(step)]
+    assert (news.ok, news.exit, news.phase) == (False, 3, Phase.STOPPED)
+    assert {r.position_m for step in steps for r in references(step)} == {PLAN[0]}
+
+
 def test_a_late_tick_over_the_start_of_the_move_does_not_skip_the_check() -> None:
     streamer = started(WATCHED)
     see(streamer, range(QUIET_TICKS - 2), 0.05)

@@ -3,6 +3,7 @@
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -10,14 +11,19 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from comms.udp import UdpReceiver, port_is_free
+from comms import bus_folder
+from comms.endpoints import PORTS, TCP_PORTS
+from comms.errors import LogError, PortInUse
+from comms.mcap_log import read_log
+from comms.udp import port_is_free
 from rig.analysis.analyze import RunAnalysis
 from rig.errors import Refused
-from rig.run import config, experiment
+from rig.run import config, experiment, operator_file
 from rig.run.runs import LOG
 from rig.run.runtime import execute
 from rig.run.runtime.interrupts import Interrupts
 
+UDP, TCP = socket.SOCK_DGRAM, socket.SOCK_STREAM
 pytestmark = pytest.mark.xdist_group("wall")  # one rig at a time: five processes each
 PATIENT = [
     "safety.robot_stale_ms=5000",
@@ -109,9 +115,6 @@ def wait_for_the_start(run: subprocess.Popen, folder: Path) -> None:
 
 
 def _events(log: Path) -> bytes:
-    from comms.errors import LogError
-    from comms.mcap_log import read_log
-
     try:
         return b" ".join(entry.data for entry in read_log(log).topics.get("/events", []))
     except LogError:
@@ -202,6 +205,7 @@ def test_a_run_killed_outright_leaves_a_log_that_can_be_read_and_no_task_behind(
     children = [
         int(pid) for pid in Path(f"/proc/{run.pid}/task/{run.pid}/children").read_text().split()
     ]
+    sockets = bus_folder.folder_of(operator_file.read(*operator_file.find(tmp_path)).address)
     run.kill()
     run.communicate()
     (log,) = tmp_path.glob(f"*/{LOG}")
@@ -214,6 +218,10 @@ def test_a_run_killed_outright_leaves_a_log_that_can_be_read_and_no_task_behind(
     for task in ("controller", "streamer"):  # by the end of their input, not by a silence
         said = (log.parent / f"{task}.log").read_text()
         assert f"{task}: the process of the operator has exited" in said
+    assert sockets.exists()
+    operator_file.remove_stale(tmp_path)  # as the next run does
+    assert not sockets.exists()
+    assert operator_file.find(tmp_path) == []
 
 
 def wait_until_gone(pid: int) -> None:
@@ -228,26 +236,75 @@ def wait_until_gone(pid: int) -> None:
 
 
 def free_block() -> int:
-    """A base port with twelve free ports, below the range the kernel hands out.
+    """A base port with free ports for a run, below the range the kernel hands out.
 
     A port of the kernel's range may be taken by another program between the look and the run.
     """
-    for base in range(20_000, 32_000, 12):
-        ports = range(base, base + 12)
+    for base in range(20_000, 32_000, PORTS):
+        ports = range(base, base + PORTS)
         if all(port_is_free("127.0.0.1", p, udp) for p in ports for udp in (True, False)):
             return base
-    raise AssertionError("no block of twelve free ports between 20000 and 32000")
+    raise AssertionError("no block of free ports between 20000 and 32000")
 
 
-def test_a_port_in_use_is_refused_before_anything_moves(tmp_path):
+DATAGRAM_PORT = TCP_PORTS  # receiver of the first channel on UDP; the sender has the next one
+PORT_OF = {
+    "a receiver of datagrams": (DATAGRAM_PORT, "UDP port"),
+    "a sender of datagrams": (DATAGRAM_PORT + 1, "UDP port"),
+    "the last sender": (PORTS - 3, "UDP port"),
+    "the bus": (0, "tcp://127.0.0.1:"),
+    "the frames": (3, "tcp://127.0.0.1:"),
+}
+
+
+@pytest.mark.parametrize("name", PORT_OF)
+def test_a_port_in_use_is_refused_before_anything_moves(tmp_path, name):
+    offset, kind = PORT_OF[name]
     base = free_block()
-    taken = UdpReceiver("127.0.0.1", base + 3, "test")  # the first data channel's
-    with pytest.raises(Refused, match=f"port {base + 3}.*base_port"):
-        experiment.run(
-            config.read_experiment("move", [*BRIEF, f"network.base_port={base}"]),
-            "wall",
-            tmp_path,
-            quietly,
-            quietly,
-        )
-    taken.close()
+    with socket.socket(socket.AF_INET, UDP if kind == "UDP port" else TCP) as taken:
+        taken.bind(("127.0.0.1", base + offset))
+        if kind != "UDP port":
+            taken.listen()
+        told = rf"{kind} ?{base + offset}\b.*base_port"
+        with pytest.raises((Refused, PortInUse), match=told):
+            experiment.run(
+                config.read_experiment(
+                    "move", [*BRIEF, f"network.base_port={base}", "network.bus=tcp"]
+                ),
+                "wall",
+                tmp_path,
+                quietly,
+                quietly,
+            )
+    (log,) = tmp_path.glob(f"*/{LOG}")
+    recorded = read_log(log)
+    assert recorded.metadata["run.stop"]["exit_code"] == "3"
+    assert {"/reference", "/setpoint"}.isdisjoint(recorded.topics)
+
+
+def test_a_run_over_ports_balances_like_one_over_local_sockets(tmp_path):
+    changes = [*BRIEF, "network.bus=tcp", f"network.base_port={free_block()}"]
+    ran = experiment.run(
+        config.read_experiment("move", changes), "wall", tmp_path, quietly, quietly
+    )
+    links = RunAnalysis(ran.folder / LOG).summary.links
+    assert (ran.outcome.exit_code, ran.outcome.reasons) == (0, [])
+    assert {name: row.unexplained for name, row in links.items()} == dict.fromkeys(links, 0)
+    assert {row.foreign for row in links.values()} == {0}
+
+
+def test_a_run_leaves_no_folder_of_sockets_behind(tmp_path, monkeypatch):
+    sockets = tmp_path / "tmp"
+    sockets.mkdir()
+    monkeypatch.setattr(bus_folder.tempfile, "gettempdir", lambda: str(sockets))
+    seen = []
+
+    def look(*_):
+        seen.extend(path.name for path in sockets.glob("rig-*/*"))
+
+    ran = experiment.run(
+        config.read_experiment("move", BRIEF), "wall", tmp_path / "runs", look, quietly
+    )
+    assert ran.outcome.exit_code == 0
+    assert {"commands", "telemetry", "pictures", "frame_1"} <= set(seen)
+    assert list(sockets.iterdir()) == []
