@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +52,18 @@ def plan(distances_m: list[float], time_s: float) -> list[Position]:
         s = np.linspace(0.0, 1.0, round(time_s / 0.01) + 1)[1:]
         path = x + distance_m * (s - np.sin(2 * np.pi * s) / (2 * np.pi))
         places += [(float(p), float(0.3 * p), 0.0) for p in path]
+        x += distance_m
+    return places
+
+
+def hard_plan(distances_m: list[float], acceleration_m_s2: float) -> list[Position]:
+    """Moves along x that speed up and brake at a constant rate, one after the other."""
+    x, places = 0.0, [HOME]
+    for distance_m in distances_m:
+        time_s = 2.0 * (abs(distance_m) / acceleration_m_s2) ** 0.5
+        s = np.linspace(0.0, 1.0, max(2, math.ceil(time_s / 0.01)) + 1)[1:]
+        path = x + distance_m * np.where(s < 0.5, 2.0 * s**2, 1.0 - 2.0 * (1.0 - s) ** 2)
+        places += [(float(p), 0.0, 0.0) for p in path]
         x += distance_m
     return places
 
@@ -153,7 +166,10 @@ to_an_end = st.builds(
     st.one_of(st.just(0.0), st.floats(0.0, 0.005)),
 )
 times_s = st.sampled_from([0.35, 0.5, 0.7, 1.0])
-plans = st.builds(plan, st.one_of(distances, to_an_end), times_s).filter(is_inside)
+plans = st.one_of(
+    st.builds(plan, st.one_of(distances, to_an_end), times_s),
+    st.builds(hard_plan, to_an_end, st.floats(4.0, ACCELERATION_M_S2)),
+).filter(is_inside)
 
 
 @settings(max_examples=300, deadline=None)
