@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+from collections.abc import Collection
 from typing import NamedTuple
 
 from comms import messages
@@ -15,6 +16,7 @@ class Transport(enum.Enum):
 
     UDP = "UDP"
     ZMQ = "ZeroMQ push/pull"
+    CAN = "CAN"
     BUS = "ZeroMQ request/reply"
 
 
@@ -131,21 +133,64 @@ CHANNELS: dict[str, Channel] = {
         1000,
         "state of the simulated plant; for log and analysis only",
     ),
+    "can_down": Channel(
+        11,
+        messages.CanMessage,
+        "drive",
+        "bench",
+        Transport.CAN,
+        400,
+        10,
+        "frames of the master to the nodes of the field bus",
+    ),
+    "can_up": Channel(
+        12,
+        messages.CanMessage,
+        "bench",
+        "drive",
+        Transport.CAN,
+        600,
+        10,
+        "frames of the nodes to the master",
+    ),
 }
 
+# a run with a drive on the field bus has this task between controller and bench
+DRIVE = "drive"
+BEHIND_DRIVE = {"setpoint": ("controller", DRIVE), "joint_state": (DRIVE, "controller")}
 # names of the wire before version 2, in experiment files and in logs
 RENAMED_CHANNELS = {"platform": "platform_1", "frame": "frame_1", "angle": "angle_1"}
+OPERATOR = "operator"
 TASKS = ("streamer", "controller", "vision", "bench")
-DATA = tuple(
-    name for name, c in CHANNELS.items() if c.transport is not Transport.BUS and c.receiver in TASKS
-)
+TASKS_WITH_DRIVE = (*TASKS, DRIVE)
 
 
-def sent_by(task: str) -> tuple[str, ...]:
+def ends(channel: str, tasks: Collection[str]) -> tuple[str, str]:
+    """Return sender and receiver of a channel in a run with these tasks."""
+    row = CHANNELS[channel]
+    if DRIVE in tasks and channel in BEHIND_DRIVE:
+        return BEHIND_DRIVE[channel]
+    return row.sender, row.receiver
+
+
+def data_channels(tasks: Collection[str]) -> tuple[str, ...]:
+    """List the channels between tasks of a run."""
+    found = []
+    for name, row in CHANNELS.items():
+        is_between = all(end in tasks and end != OPERATOR for end in ends(name, tasks))
+        if row.transport is not Transport.BUS and is_between:
+            found.append(name)
+    return tuple(found)
+
+
+DATA = data_channels(TASKS_WITH_DRIVE)  # of every run
+
+
+def sent_by(task: str, tasks: Collection[str]) -> tuple[str, ...]:
     """List the data channels on which a task sends."""
-    return tuple(name for name in DATA if CHANNELS[name].sender == task)
+    return tuple(name for name in data_channels(tasks) if ends(name, tasks)[0] == task)
 
 
-def received_by(task: str) -> tuple[str, ...]:
+def received_by(task: str, tasks: Collection[str]) -> tuple[str, ...]:
     """List the data channels on which a task receives."""
-    return tuple(name for name in DATA if CHANNELS[name].receiver == task)
+    return tuple(name for name in data_channels(tasks) if ends(name, tasks)[1] == task)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from comms import bus_folder
 from comms.channels import CHANNELS, DATA, Transport
@@ -31,6 +31,7 @@ class Endpoints(NamedTuple):
     addresses: Mapping[str, str]
     ports: Mapping[str, DatagramPorts]
     stop_ports: Mapping[str, int]
+    can: Mapping[str, Any] = {}  # settings of the field bus, of a run with a drive
 
 
 def choose_ports(host: str, base_port: int) -> list[int]:
@@ -40,8 +41,13 @@ def choose_ports(host: str, base_port: int) -> list[int]:
     return free_ports(host, [k >= TCP_PORTS for k in range(PORTS)])
 
 
-def endpoints(host: str, ports: list[int], folder: Path | None) -> Endpoints:
-    """Distribute ports; with a folder, the sockets that are no datagrams are local ones in it."""
+def endpoints(
+    host: str, ports: list[int], folder: Path | None, can: Mapping[str, Any] | None = None
+) -> Endpoints:
+    """Distribute ports; with a folder, the sockets that are no datagrams are local ones in it.
+
+    can: settings of the field bus.
+    """
     names = (*BUS, *STREAMS)
     addresses = {}
     for name, port in zip(names, ports, strict=False):
@@ -49,4 +55,5 @@ def endpoints(host: str, ports: list[int], folder: Path | None) -> Endpoints:
         addresses[name] = local or f"tcp://{host}:{port}"
     datagrams = iter(ports[TCP_PORTS:])
     pairs = {name: DatagramPorts(next(datagrams), next(datagrams)) for name in DATAGRAMS}
-    return Endpoints(addresses, pairs, dict(zip(STOPPABLE, datagrams, strict=True)))
+    stops = dict(zip(STOPPABLE, datagrams, strict=True))
+    return Endpoints(addresses, pairs, stops, can or {})

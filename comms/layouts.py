@@ -18,6 +18,7 @@ from comms.messages import (
     MAX_ANGLES,
     MAX_LINKS,
     AngleSample,
+    CanMessage,
     Frame,
     InvalidReason,
     JointState,
@@ -45,6 +46,7 @@ _PLANE_CODE = {plane: code for code, plane in enumerate(_PLANES)}
 _NO_PIXELS = np.empty((0, 0), dtype=np.uint8)
 _MAX_FLOAT = sys.float_info.max
 _MAX_POSITION_M = 10.0
+MAX_BASE_ID = 0x7FF  # identifier of 11 bits
 _MAX_VELOCITY_M_S = 100.0
 
 
@@ -133,6 +135,13 @@ def _angle_sample(seq: int, t_ns: int, v: Values) -> AngleSample:
     )
 
 
+def _can_is_consistent(v: Values) -> bool:
+    """Check that the identifier fits its format, and that unused bytes are 0."""
+    can_id, is_extended, is_remote, length, data = v
+    used = 0 if is_remote else length
+    return (is_extended or can_id <= MAX_BASE_ID) and not any(data[used:])
+
+
 def _truth_values(m: Truth) -> Iterator[float]:
     yield from (*m.position_m, *m.velocity_m_s)
     for link in m.links:
@@ -193,6 +202,20 @@ LAYOUTS: dict[type[Message], Layout] = {
         _angle_sample,
         group=Group(LinkAngle, "dddd2d", MAX_ANGLES),
         is_consistent=_angle_is_consistent,
+    ),
+    CanMessage: Layout(
+        "I??B8s",
+        lambda m: (m.can_id, m.is_extended, m.is_remote, m.length, m.data),
+        lambda seq, t, v: CanMessage(
+            seq=seq,
+            t_ns=t,
+            can_id=v[0],
+            is_extended=v[1],
+            is_remote=v[2],
+            length=v[3],
+            data=b"" if v[2] else v[4][: v[3]],
+        ),
+        is_consistent=_can_is_consistent,
     ),
     Truth: Layout(
         "3d3d",

@@ -11,9 +11,11 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
+from comms.can_errors import ErrorConfinement
 from comms.channels import MS
 
 _MASK = 2**64 - 1
+_ATTEMPTS = 0x9D39_247E_3377_6D41  # random numbers of their own
 WINDOW_PACKETS = 4096  # sequence numbers stored: at 200 Hz those of 20 s
 NEWEST, SUPERSEDED, DUPLICATE, OLD = "", "superseded", "duplicate", "old"  # outcomes of a packet
 _WINDOW_MASK = 2**WINDOW_PACKETS - 1
@@ -26,6 +28,8 @@ class LinkFaults(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     jitter_ms: Annotated[float, Meta(ge=0, le=10_000)] = 0.0  # uniform in 0..jitter_ms, may reorder
     loss: Annotated[float, Meta(ge=0, lt=1)] = 0.0  # share of packets lost
     burst: Annotated[int, Meta(ge=1, le=1000)] = 1  # packets lost in a row
+    # share of frames corrupted on a field bus, which repeats them; 1/9 leads to bus-off
+    corrupt: Annotated[float, Meta(ge=0, lt=1)] = 0.0
 
 
 class LinkModel:
@@ -37,6 +41,9 @@ class LinkModel:
         self._burst = faults.burst
         self._p = 1.0 - (1.0 - faults.loss) ** (1.0 / faults.burst)
         self._key = _mix(_mix(seed & _MASK) ^ channel_id)
+        self.confinement: ErrorConfinement | None = None
+        if faults.corrupt:
+            self.confinement = ErrorConfinement(faults.corrupt, self._attempt)
 
     def delay_ns(self, seq: int) -> int | None:
         """Compute the delay of packet seq [ns], or None if the packet is lost.
@@ -46,12 +53,19 @@ class LinkModel:
         """
         if self._p > 0.0 and self._is_lost(seq):
             return None
-        if self._jitter_ns == 0:
-            return self._delay_ns
-        return self._delay_ns + int(self._uniform(seq, 1) * self._jitter_ns)
+        delay_ns = self._delay_ns
+        if self._jitter_ns:
+            delay_ns += int(self._uniform(seq, 1) * self._jitter_ns)
+        if self.confinement is None:
+            return delay_ns
+        repeated_ns = self.confinement.delay_ns(seq)
+        return None if repeated_ns is None else delay_ns + repeated_ns
 
     def _is_lost(self, seq: int) -> bool:
         return any(self._uniform(k, 0) < self._p for k in range(seq, seq - self._burst, -1))
+
+    def _attempt(self, seq: int, attempt: int) -> float:
+        return _mix(_mix(self._key ^ _ATTEMPTS) ^ (seq << 16 | attempt)) / 2.0**64
 
     def _uniform(self, k: int, stream: int) -> float:
         return _mix(self._key ^ ((2 * k + stream) & _MASK)) / 2.0**64
@@ -80,6 +94,8 @@ class LinkCount(msgspec.Struct, kw_only=True):
     late: int = 0
     superseded: int = 0  # overtaken by a newer one, so not used
     foreign: int = 0  # not from the sender of this link
+    bus_errors: int = 0  # frames corrupted on a field bus, and repeated
+    bus_off: bool = False  # the sender left the field bus after too many of them
     rejected: dict[str, int] = msgspec.field(default_factory=dict)
 
     @property
@@ -91,6 +107,11 @@ class LinkCount(msgspec.Struct, kw_only=True):
     def unaccounted(self) -> int:
         """Packets sent - delivered - lost - rejected; 0 if the row balances."""
         return self.sent - self.delivered - self.lost - sum(self.rejected.values())
+
+    def confine(self, confinement: ErrorConfinement | None) -> None:
+        """Take the error counters of the sender on a field bus."""
+        if confinement is not None:
+            self.bus_errors, self.bus_off = confinement.errors, confinement.is_off
 
     def reject(self, reason: str) -> None:
         """Count a packet that was read and rejected."""
@@ -107,6 +128,8 @@ def merge_counts(sender: LinkCount, receiver: LinkCount) -> LinkCount:
         delivered=receiver.delivered,
         lost_link=sender.lost_link,
         lost_queue=sender.lost_queue,
+        bus_errors=sender.bus_errors,
+        bus_off=sender.bus_off,
         lost_kernel=receiver.lost_kernel,
         duplicated=receiver.duplicated,
         late=receiver.late,

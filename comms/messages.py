@@ -226,6 +226,16 @@ class Truth(Message, frozen=True, gc=False, kw_only=True):
     links: tuple[LinkMotion, ...]  # from the platform down
 
 
+class CanMessage(Message, frozen=True, gc=False, kw_only=True):
+    """Frame on the field bus of the drives; seq and t_ns are those of its sender."""
+
+    can_id: Annotated[int, Meta(ge=0, le=2**29 - 1)]
+    is_extended: bool  # an identifier of 29 bits
+    is_remote: bool
+    length: Annotated[int, Meta(ge=0, le=8)]  # data length code; bytes of data unless is_remote
+    data: bytes
+
+
 class Command(Message, frozen=True, gc=False, kw_only=True):
     """Command of the operator; the Reply has the same id."""
 

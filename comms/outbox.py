@@ -6,7 +6,7 @@ import heapq
 from typing import NamedTuple
 
 from comms.ends import ChannelSender
-from comms.messages import Frame
+from comms.messages import CanMessage, Frame
 
 
 class _Packet(NamedTuple):
@@ -15,7 +15,7 @@ class _Packet(NamedTuple):
     due_ns: int
     order: int
     sender: ChannelSender
-    payload: Frame | bytes
+    payload: Frame | CanMessage | bytes
 
 
 class Outbox:
@@ -30,7 +30,7 @@ class Outbox:
         """Send time of the next packet [ns]; None if the outbox is empty."""
         return self._packets[0].due_ns if self._packets else None
 
-    def add(self, due_ns: int, sender: ChannelSender, payload: Frame | bytes) -> None:
+    def add(self, due_ns: int, sender: ChannelSender, payload: Frame | CanMessage | bytes) -> None:
         """Add a packet to send at due_ns."""
         self._order += 1
         heapq.heappush(self._packets, _Packet(due_ns, self._order, sender, payload))

@@ -71,7 +71,8 @@ class WallRunner:
         self._clock = clock
         self._context: Context = zmq.Context()
         self._receivers = {
-            name: ChannelReceiver(name, wiring, self._context) for name in received_by(task.name)
+            name: ChannelReceiver(name, wiring, self._context)
+            for name in received_by(task.name, wiring.tasks)
         }
         self._bus = TaskBus(self._context, task.name, wiring.session, wiring.addresses)
         self._output = TaskOutput(task.name, wiring, self._context, self._bus, clock)

@@ -38,7 +38,10 @@ class Task(Protocol):
     """Task of the rig. on_tick serves every timer that is due."""
 
     name: str
-    late_ticks: int  # ticks skipped because the next one was already due
+
+    @property
+    def late_ticks(self) -> int:
+        """Number of ticks that were skipped because the next one was already due."""
 
     def start(self, t_ns: int) -> Step:
         """Start the task; called once, before all other methods."""

@@ -10,7 +10,7 @@ from comms.clock import Clock
 from comms.codec import encode
 from comms.ends import ChannelSender, Wiring
 from comms.link import LinkCount
-from comms.messages import Frame, Message, Reply
+from comms.messages import CanMessage, Frame, Message, Reply
 from comms.operator_bus import Context, TaskBus
 from comms.outbox import Outbox
 from comms.task import Send
@@ -25,7 +25,9 @@ class TaskOutput:
         self._wiring = wiring
         self._bus = bus
         self._clock = clock
-        self._senders = {name: ChannelSender(name, wiring, context) for name in sent_by(task)}
+        self._senders = {
+            name: ChannelSender(name, wiring, context) for name in sent_by(task, wiring.tasks)
+        }
         self._outbox = Outbox()
         self._operator_counts: dict[str, LinkCount] = {}  # of channels to the operator
         self._picture_ns = 0  # end of exposure of the next picture for the log
@@ -78,9 +80,10 @@ class TaskOutput:
         frame = message if isinstance(message, Frame) else None
         if frame is not None:
             self._send_picture(sender.name, frame, data)
-        delay_ns = sender.apply_link(message.seq)
-        if delay_ns is not None:
-            self._outbox.add(at_ns + delay_ns, sender, frame or data)
+        due_ns = sender.due_ns(message.seq, at_ns)
+        if due_ns is not None:
+            direct = message if isinstance(message, Frame | CanMessage) else data
+            self._outbox.add(due_ns, sender, direct)
 
     def _send_picture(self, channel: str, frame: Frame, data: bytes) -> None:
         """Send a frame with its pixels to the log, at most pictures_hz times a second."""

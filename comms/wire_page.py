@@ -78,7 +78,8 @@ CODES = {
     "reason": _codes(InvalidReason),
 }
 FIELDS = ("| field | type | bounds |", "|---|---|---|")
-TYPES = {"q": "i64", "d": "f64", "B": "u8", "H": "u16", "?": "bool", "s": "text"}
+MAX_FLOAT = 1e300
+TYPES = {"I": "u32", "q": "i64", "d": "f64", "B": "u8", "H": "u16", "?": "bool", "s": "text"}
 
 
 def page() -> str:
@@ -139,7 +140,9 @@ def _limits(bound: Bound, letter: str) -> str:
     if letter in "?s":
         return ""
     absent = ", or absent" if bound.optional else ""
-    if abs(bound.low) >= 1e300:  # no bound declared
+    if letter in "BHIq" and abs(bound.high) < MAX_FLOAT:
+        return f"{bound.low:.0f} to {bound.high:.0f}"
+    if abs(bound.low) >= MAX_FLOAT:  # no bound declared
         return "finite" + absent
     return f"{bound.low:g} to {bound.high:g}" + absent
 

@@ -18,6 +18,7 @@ from comms.frames import with_pixels
 from comms.layouts import bounds, group_bounds
 from comms.messages import (
     AngleSample,
+    CanMessage,
     Frame,
     InvalidReason,
     JointState,
@@ -81,6 +82,24 @@ TRUTH = Truth(
     position_m=(1.0, 2.0, 3.0),
     velocity_m_s=(4.0, 5.0, 6.0),
     links=(LinkMotion(angle_x_rad=-0.5, angle_y_rad=0.25, rate_x_rad_s=2.0, rate_y_rad_s=-1.0),),
+)
+DOWNLOAD = CanMessage(
+    seq=6,
+    t_ns=5_000_000,
+    can_id=0x601,
+    is_extended=False,
+    is_remote=False,
+    length=8,
+    data=bytes.fromhex("2385600040420f00"),
+)
+REMOTE = CanMessage(
+    seq=2**32 - 1,
+    t_ns=2**62,
+    can_id=0x123_4567,
+    is_extended=True,
+    is_remote=True,
+    length=3,
+    data=b"",
 )
 FRAME = Frame(
     seq=9,
@@ -174,6 +193,20 @@ GOLDEN: dict[str, tuple[Message, tuple[Any, ...], str]] = {
         "00000000000014400000000000001840000000000000e0bf000000000000d03f"
         "0000000000000040000000000000f0bf"
         "31d7e176",
+    ),
+    "can_down": (
+        DOWNLOAD,
+        (0x601, False, False, 8, bytes.fromhex("2385600040420f00")),
+        "5357020b2f0000005353454c5941575306000000404b4c0000000000"
+        "010600000000082385600040420f00"
+        "19f1ec28",
+    ),
+    "can_up": (
+        REMOTE,
+        (0x123_4567, True, True, 3, bytes(8)),
+        "5357020c2f0000005353454c59415753ffffffff0000000000000040"
+        "674523010101030000000000000000"
+        "1e458387",
     ),
 }
 

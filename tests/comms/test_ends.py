@@ -435,7 +435,8 @@ def test_a_frame_is_late_beyond_40_ms(context: Context, age_ms: int, late: int) 
 
 
 def test_the_age_of_every_channel_of_data_was_tested() -> None:
-    assert LATE_AFTER_MS.keys() | {"frame_1"} == WIRE.keys()
+    stamped_on_arrival = {"can_down", "can_up"}  # a frame of the field bus has no stamp
+    assert LATE_AFTER_MS.keys() | {"frame_1"} | stamped_on_arrival == WIRE.keys()
 
 
 # the wiring

@@ -36,7 +36,7 @@ REWRITTEN = {
     *("/angle_1", "/truth", "/joint_state", "/setpoint"),
     *(f"/receipts/{name}" for name in NEW_NAMES.values()),
 }
-UNKNOWN_TO_VERSION_1 = {"superseded": 0, "foreign": 0}  # in a row of the ledger
+UNKNOWN_TO_VERSION_1 = {"superseded": 0, "foreign": 0, "bus_errors": 0, "bus_off": False}
 
 
 def raw_messages(path: Path) -> dict[str, list[bytes]]:

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from comms.codec import encode, encode_closing
 from comms.messages import (
     AngleSample,
+    CanMessage,
     JointState,
     Message,
     Reference,
@@ -73,8 +74,10 @@ BOUND: dict[str, tuple[float, float]] = {
     "space": (0, 1),
     "swing_plane": (0, 1),
     "count": (1, 6),
+    "can_id": (0, 2**29 - 1),
+    "length": (0, 8),
 }
-CODES = ("phase", "reason", "space", "swing_plane", "count")  # unsigned bytes
+UNSIGNED = ("phase", "reason", "space", "swing_plane", "count", "can_id", "length")
 # in a valid sample too
 MAY_BE_ABSENT = {"platform_m", "residual_px", "pivot_miss_px"}
 VALUES = [
@@ -86,6 +89,7 @@ FLOATS += [value for value in VALUES if value[2] in LINK_MOTION]
 JOINTS = [value for value in VALUES if value[2] in METRES]
 SPACE, COUNT, FIRST_JOINT = 0, 1, 2  # places in a setpoint and in a joint state
 IN_METRES, IN_RADIANS = 0, 1
+CAN_ID, IS_EXTENDED, IS_REMOTE, LENGTH, DATA = range(5)  # places in a frame of the field bus
 # of version 1, from its page
 OLD_REFERENCE = (
     "53570103400000005353454c59415753010000000a00000000000000"
@@ -274,7 +278,7 @@ def test_the_bound_itself_is_accepted_and_the_next_value_is_not(
         _, up = Gate(channel).take(with_value(channel, place, bound))
         assert up == {"delivered": 1}
         beyond = bound + (1 if outward > 0 else -1) if whole else math.nextafter(bound, outward)
-        if name not in CODES or beyond >= 0:
+        if name not in UNSIGNED or beyond >= 0:
             assert refusal(Gate(channel), with_value(channel, place, beyond)) == "out_of_range"
 
 
@@ -389,6 +393,34 @@ def test_a_value_in_metres_has_the_bounds_of_a_position_or_velocity_and_in_radia
             assert Gate(channel).take(in_radians)[1] == {"delivered": 1}
         at_bound = with_values(channel, {SPACE: IN_METRES, place: bound})
         assert Gate(channel).take(at_bound)[1] == {"delivered": 1}
+
+
+@pytest.mark.parametrize("channel", ["can_down", "can_up"])
+def test_an_identifier_of_more_than_11_bits_is_of_an_extended_frame_alone(channel: str) -> None:
+    for can_id, accepted in ((0x7FF, True), (0x800, False), (2**29 - 1, False)):
+        base = with_values(channel, {CAN_ID: can_id, IS_EXTENDED: False})
+        extended = with_values(channel, {CAN_ID: can_id, IS_EXTENDED: True})
+        assert Gate(channel).take(extended)[1] == {"delivered": 1}
+        expected = "delivered" if accepted else "rejected out_of_range"
+        assert Gate(channel).take(base)[1] == {expected: 1}
+
+
+@pytest.mark.parametrize("channel", ["can_down", "can_up"])
+@pytest.mark.parametrize("is_remote", [False, True])
+@pytest.mark.parametrize("length", range(9))
+def test_a_byte_beyond_the_length_of_a_frame_must_be_0(
+    channel: str, is_remote: bool, length: int
+) -> None:
+    used = 0 if is_remote else length
+    for byte in range(8):
+        data = bytes(byte) + b"\x80" + bytes(7 - byte)
+        changes = {IS_REMOTE: is_remote, LENGTH: length, DATA: data}
+        message, up = Gate(channel).take(with_values(channel, changes))
+        if byte >= used:
+            assert up == {"rejected out_of_range": 1}
+            continue
+        assert isinstance(message, CanMessage)
+        assert (message.length, message.data) == (length, data[:length])
 
 
 def test_a_datagram_of_version_1_is_refused() -> None:

@@ -18,6 +18,7 @@ from comms.ends import admit
 from comms.link import LinkCount, SequenceWindow
 from comms.messages import (
     AngleSample,
+    CanMessage,
     Frame,
     JointState,
     LinkAngle,
@@ -52,6 +53,7 @@ ANGLE = (
 )
 LINK_ANGLE = ("angle_rad", "sigma_rad", "raw_rad", "offset_rad", "joint_px", "joint_px")
 LINK_MOTION = ("angle_x_rad", "angle_y_rad", "rate_x_rad_s", "rate_y_rad_s")
+CAN_FRAME = ("can_id", "is_extended", "is_remote", "length", "data")
 PICTURE = ("t_exposure_start_ns", "exposure_ns", "row_ns", "camera", "encoding", "height", "width")
 # channel: id in the header, message, payload, name of each value of the payload; with one link
 WIRE: dict[str, tuple[int, type[Message], str, tuple[str, ...]]] = {
@@ -63,12 +65,20 @@ WIRE: dict[str, tuple[int, type[Message], str, tuple[str, ...]]] = {
     "frame_1": (8, Frame, "qqq16s8sHH", PICTURE),
     "angle_1": (9, AngleSample, "qB?BdH4d6d", ANGLE + LINK_ANGLE),
     "truth": (10, Truth, "6d4d", POSITION + VELOCITY + LINK_MOTION),
+    "can_down": (11, CanMessage, "I??B8s", CAN_FRAME),
+    "can_up": (12, CanMessage, "I??B8s", CAN_FRAME),
 }
 # channel: payload of one link, and the most links of a message
 LINKS = {"angle_1": ("6d", 3), "truth": ("4d", 256)}
 MOST_DRAWN = {LinkAngle: 3, LinkMotion: 5}
-ZEROS = {"valid": True, "space": 1, "count": 6}  # and what is not 0 in a message of zeros
+# and what is not 0 in a message of zeros
+ZEROS = {"valid": True, "space": 1, "count": 6, "is_extended": True}
 METRES = {"values": 10.0, "rates": 100.0}  # bounds of the values where the space is metres
+WITHOUT_BOUNDS: dict[type, st.SearchStrategy[Any]] = {
+    msgspec.inspect.BoolType: st.booleans(),
+    msgspec.inspect.BytesType: st.binary(max_size=8),
+    msgspec.inspect.NoneType: st.none(),
+}
 channels = st.sampled_from(tuple(WIRE))
 
 
@@ -145,6 +155,10 @@ def messages(channel: str) -> st.SearchStrategy[Any]:
 def _consistent(values: dict[str, Any]) -> dict[str, Any]:
     if "valid" in values:
         values["valid"] = len(values["links"]) > 0
+    if "can_id" in values:
+        values["can_id"] &= 0x1FFF_FFFF if values["is_extended"] else 0x7FF
+        padded = values["data"].ljust(8, b"\xa5")
+        values["data"] = b"" if values["is_remote"] else padded[: values["length"]]
     for name in METRES.keys() & values.keys():
         scale = 0.01 if values["space"] is Space.METRES else 1.0  # to the bounds of metres
         used = [scale * value for value in values[name][: values["count"]]]
@@ -154,13 +168,13 @@ def _consistent(values: dict[str, Any]) -> dict[str, Any]:
 
 def _values(kind: Any) -> st.SearchStrategy[Any]:
     inspect = msgspec.inspect
+    if type(kind) in WITHOUT_BOUNDS:
+        return WITHOUT_BOUNDS[type(kind)]
     match kind:
         case inspect.IntType():
             return st.integers(kind.ge, kind.le)
         case inspect.FloatType():
             return st.floats(kind.ge, kind.le, allow_nan=False, allow_infinity=False)
-        case inspect.BoolType():
-            return st.booleans()
         case inspect.EnumType():
             return st.sampled_from(tuple(kind.cls))
         case inspect.TupleType():
@@ -173,8 +187,6 @@ def _values(kind: Any) -> st.SearchStrategy[Any]:
             return st.builds(kind.cls, **fields)
         case inspect.UnionType():
             return st.one_of(*(_values(item) for item in kind.types))
-        case inspect.NoneType():
-            return st.none()
         case _:
             raise TypeError(f"no strategy for {kind}: add one")
 
