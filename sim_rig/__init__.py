@@ -1,4 +1,4 @@
-"""Simulated plant: robot, pendulum, camera and elastic joint, with the messages of a real rig.
+"""Simulated plant: robot, pendulum, camera, elastic joint, ball screw; messages of a real rig.
 
 Imports comms only, never the planners: plant and model share no code.
 """

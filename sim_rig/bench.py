@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Protocol
+
 from comms.messages import Position, Velocity
 from sim_rig.params import BenchParams
 from sim_rig.pendulum import Pendulum
@@ -12,14 +15,49 @@ STEP_NS = 1_000_000
 MAX_BATCH_STEPS = 1000  # steps whose velocities are in memory at the same time
 
 
+Pull = Callable[[float], float]  # force [N] along +X, of the acceleration [m/s^2] along +X
+
+
+class MovingPlatform(Protocol):
+    """Platform that carries the load."""
+
+    @property
+    def position_m(self) -> Position:
+        """Actual position (x, y, z)."""
+
+    @property
+    def velocity_m_s(self) -> Velocity:
+        """Actual velocity (x, y, z)."""
+
+    @property
+    def still(self) -> bool:
+        """True if the platform is at rest and stays there until it is told to move."""
+
+    def set_setpoint(self, setpoint_m: Position) -> None:
+        """Set the setpoint of the drives, as a step at the present time."""
+
+    def carry(self, pull_n: Pull) -> None:
+        """Take the load, whose pull depends on the acceleration of the platform along X."""
+
+    def advance(self, t_ns: int, step_ns: int, steps: int) -> tuple[list[float], list[float]]:
+        """Integrate steps from t_ns; return the velocities along x and z [m/s], (2 steps + 1,).
+
+        The first is at the start, then one at the middle and one at the end of each step.
+        """
+
+
 class Bench:
     """Simulated plant at time `t_ns`; equal calls give equal floats."""
 
-    def __init__(self, params: BenchParams, t_ns: int = 0) -> None:
+    def __init__(
+        self, params: BenchParams, t_ns: int = 0, platform: MovingPlatform | None = None
+    ) -> None:
+        """platform: in place of the Cartesian one; it starts at t_ns."""
         self.t_ns = t_ns
-        self._platform = Platform(params.robot, params.start_m)
+        self._platform = platform or Platform(params.robot, params.start_m, STEP_NS * 1e-9)
         self._load = Pendulum(params.pendulum)
-        self._step = self._platform.loop.substep(STEP_NS * 1e-9)
+        self._mass_kg = params.pendulum.mass_kg
+        self._platform.carry(self._pull_n)
 
     @property
     def position_m(self) -> Position:
@@ -62,15 +100,14 @@ class Bench:
             else:
                 self._integrate(STEP_NS, min(left_ns // STEP_NS, MAX_BATCH_STEPS))
 
+    def _pull_n(self, acceleration_m_s2: float) -> float:
+        return self._load.pull_n(self._mass_kg, acceleration_m_s2)
+
     def _integrate(self, step_ns: int, steps: int) -> None:
         step_s = step_ns * 1e-9
         if self._platform.still:
             self._load.advance_at_rest(step_s, steps)
         else:
-            platform = self._platform
-            substep = self._step if step_ns == STEP_NS else platform.loop.substep(step_s)
-            vx_m_s = platform.x.advance(substep, steps)
-            vz_m_s = platform.z.advance(substep, steps)
+            vx_m_s, vz_m_s = self._platform.advance(self.t_ns, step_ns, steps)
             self._load.advance(step_s, vx_m_s, vz_m_s)
-            platform.y.advance(substep, steps)  # depth: normal to the plane of the swing
         self.t_ns += steps * step_ns

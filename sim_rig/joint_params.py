@@ -7,11 +7,12 @@ is valid.
 from __future__ import annotations
 
 import math
-from functools import cache
-from typing import Annotated, get_type_hints
+from typing import Annotated
 
 import msgspec
 from msgspec import Meta
+
+from sim_rig.field_check import check_fields
 
 # natural frequency or decay rate of a mode; beyond, a step is under 10 us and a simulated second
 # takes a minute
@@ -49,12 +50,15 @@ class DisturbancePulse(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
     load_n_m: Push = 0.0  # at the output shaft
 
     def __post_init__(self) -> None:
-        _check_fields(self)
+        check_fields(self)
         if not self.end_s > self.start_s:
             raise ValueError(
                 f"end_s = {self.end_s} of a disturbance; must be > start_s = {self.start_s}: "
                 "exchange them, or give a later end"
             )
+
+
+Pulses = Annotated[tuple[DisturbancePulse, ...], Meta(description="give DisturbancePulse objects")]
 
 
 class Joint(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -84,10 +88,10 @@ class Joint(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     encoder_counts_per_rev: Counts = 8192
     accelerometer_noise_rad_s2: Noise = 0.0  # white, one value a sample
     accelerometer_bias_rad_s2: Bias = 0.0
-    disturbances: tuple[DisturbancePulse, ...] = ()
+    disturbances: Pulses = ()
 
     def __post_init__(self) -> None:
-        _check_fields(self)
+        check_fields(self)
         for key, rate_rad_s in self._rates_rad_s().items():
             if rate_rad_s > MAX_RATE_RAD_S:
                 raise ValueError(
@@ -125,28 +129,3 @@ class Joint(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
             "load_friction_n_m_s_rad": self.load_friction_n_m_s_rad / self.load_inertia_kg_m2,
             "torque_ripple_n_m": math.sqrt(ripple_n_m_rad / self.motor_inertia_kg_m2),
         }
-
-
-@cache
-def _field_types(kind: type) -> dict[str, object]:
-    return get_type_hints(kind, include_extras=True)
-
-
-def _check_fields(struct: DisturbancePulse | Joint) -> None:
-    """Check the bounds of the types, for objects that are not decoded from a file."""
-    for key, kind in _field_types(type(struct)).items():
-        value = getattr(struct, key)
-        try:
-            msgspec.convert(value, kind)
-        except msgspec.ValidationError as error:
-            reason = str(error)
-            reason = reason[0].lower() + reason[1:]
-            raise ValueError(f"{key} = {value!r}: {reason}: {_advice(kind)}") from None
-
-
-def _advice(kind: object) -> str:
-    """Return the next step for a wrong value of a type: the description of its Meta."""
-    for meta in getattr(kind, "__metadata__", ()):
-        if meta.description:
-            return str(meta.description)
-    return "give DisturbancePulse objects"

@@ -12,6 +12,8 @@ import msgspec
 from msgspec import Meta
 
 from comms.messages import Position
+from sim_rig.ball_screw_params import BallScrewParams
+from sim_rig.drive_faults import DriveFault
 from sim_rig.input_check import InputBounds
 
 
@@ -72,6 +74,8 @@ class BenchParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     robot: RobotParams = RobotParams()
     camera: CameraParams = CameraParams()
     view: View = View()
+    axis: BallScrewParams | None = None  # along X, in place of the robot
+    drive_faults: tuple[DriveFault, ...] = ()  # of its drive
     home_m: Position = (0.0, 0.0, 0.0)  # home position, before the camera
     seed: Annotated[int, Meta(ge=0)] = 0  # of the image noise
     input: InputBounds | None = None  # bounds on setpoints; None = no check

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 from comms.messages import Position, Velocity
@@ -115,8 +116,11 @@ class AxisState:
 class Platform:
     """Platform with three axes: x right, y depth, z up."""
 
-    def __init__(self, robot: params.RobotParams, home_m: Position) -> None:
+    def __init__(self, robot: params.RobotParams, home_m: Position, step_s: float = 1e-3) -> None:
+        """step_s: usual step of the integration, computed once."""
         self.loop = ServoLoop(robot)
+        self._step_s = step_s
+        self._step = self.loop.substep(step_s)
         self.x, self.y, self.z = (AxisState(home) for home in home_m)
 
     @property
@@ -133,6 +137,16 @@ class Platform:
     def still(self) -> bool:
         """True if all axes are at rest at their setpoints."""
         return self.x.still and self.z.still and self.y.still
+
+    def advance(self, t_ns: int, step_ns: int, steps: int) -> tuple[list[float], list[float]]:
+        """Integrate steps; return the velocities along x and z [m/s], (2 steps + 1,)."""
+        step_s = step_ns * 1e-9
+        substep = self._step if step_s == self._step_s else self.loop.substep(step_s)
+        self.y.advance(substep, steps)  # depth: normal to the plane of the swing
+        return self.x.advance(substep, steps), self.z.advance(substep, steps)
+
+    def carry(self, pull_n: Callable[[float], float]) -> None:
+        """Do nothing: the load does not move these drives."""
 
     def set_setpoint(self, setpoint_m: Position) -> None:
         """Set the setpoints of all axes, as steps at the present time."""

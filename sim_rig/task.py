@@ -5,147 +5,142 @@ The time stamps are exact, however late the task runs.
 
 from __future__ import annotations
 
-from collections import Counter, deque
+from collections import Counter
+from collections.abc import Callable
+from typing import Protocol
 
 from comms.channels import MS
-from comms.messages import (
-    Command,
-    Frame,
-    LinkMotion,
-    Message,
-    Phase,
-    Position,
-    Setpoint,
-    Truth,
-    Velocity,
-    axis_state,
-)
+from comms.messages import Command, Frame, LinkMotion, Message, Phase, Truth
 from comms.replies import Replies
 from comms.task import NO_STEP, Send, Step
 from sim_rig.bench import Bench
-from sim_rig.input_check import InputCheck
 from sim_rig.params import BenchParams
+from sim_rig.setpoint_port import SetpointPort
 from sim_rig.shutter import Exposure, Shutter
 
-# sample time of the digital drives; the arrival time of a setpoint within it has no effect
-DRIVE_SAMPLE_NS = 1 * MS
-TICK_NS = 5 * MS  # encoders are read on this grid of the run clock
-TRUTH_NS = 10 * MS  # a multiple of TICK_NS
+MakeBench = Callable[[int], Bench]  # of the start time [ns]
+TRUTH_NS = 10 * MS
 # longest simulated time in one call, to bound the number of frames; the next wake is immediate
 MAX_CATCH_UP_NS = 250 * MS
 NEVER_NS = 2**63
-FAULT_CODE = 5  # exit code of a run in which the robot stopped by itself
+
+
+class RobotPort(Protocol):
+    """Port of the robot of the bench: setpoints and orders in, states out."""
+
+    phase: Phase
+    takes_effect_at_once: bool  # the bench is brought to the arrival of a message before it
+    late: int  # readings that were skipped because a newer one was due
+
+    def begin(self, t_ns: int) -> None:
+        """Start the grid of the readings."""
+
+    def next_ns(self) -> int:
+        """Return the next instant at which the port has something to do."""
+
+    def wake_ns(self) -> int:
+        """Return the next instant at which the task must be awake for the port."""
+
+    def read(self, t_ns: int, bench: Bench) -> None:
+        """Take a reading that is due at t_ns, before anything changes there."""
+
+    def apply(self, t_ns: int, bench: Bench) -> list[Send]:
+        """Apply what takes effect at t_ns; return what is sent because of it."""
+
+    def take(self, message: Message, t_ns: int, bench: Bench) -> list[Send]:
+        """Take a message that arrived at t_ns; the bench may still be before that instant."""
+
+    def flush(self, t_ns: int) -> list[Send]:
+        """Send the newest reading of a call."""
 
 
 class BenchTask:
     """Task (comms.task.Task) of the simulated robot, load and camera.
 
     The simulation starts with `start`, which releases the load at rest from its initial swing. The
-    integration stops only at ticks, exposures and samples of the drives, so the result does not
+    integration stops only at exposures and at the instants of the port, so the result does not
     depend on the wake-up times of the task.
     """
 
     name = "bench"
 
-    def __init__(self, params: BenchParams) -> None:
-        self.late_ticks = 0  # encoder readings that were skipped because a newer one was due
+    def __init__(
+        self,
+        params: BenchParams,
+        make_bench: MakeBench | None = None,
+        port: RobotPort | None = None,
+    ) -> None:
+        """make_bench, port: of another robot than the Cartesian one that takes setpoints."""
         self._params = params
-        self._bench = Bench(params)
+        self._make_bench: MakeBench = make_bench or (lambda t_ns: Bench(params, t_ns))
+        self._bench = self._make_bench(0)
         # draws its noisy screens once, here
         self._shutter = Shutter(params) if params.view.rate_hz > 0.0 else None
-        self._tick_ns = 0
-        # (effective from [ns], position): arrived, not yet sampled by the drives
-        self._setpoints: deque[tuple[int, Position]] = deque()
-        self._setpoint_m = params.start_m
-        self._phase = Phase.IDLE
-        self._check = InputCheck(params.input, params.start_m) if params.input else None
-        self._sent: Counter[str] = Counter()
         self._replies = Replies(self.name)
+        self._port: RobotPort = port or SetpointPort(params, self._replies)
+        self._truth_ns = 0
+        self._sent: Counter[str] = Counter()
+
+    @property
+    def late_ticks(self) -> int:
+        """Encoder readings that were skipped because a newer one was due."""
+        return self._port.late
 
     def start(self, t_ns: int) -> Step:
         """Release the load; a tick at t_ns itself is served at once."""
-        self._bench = Bench(self._params, t_ns)
+        self._bench = self._make_bench(t_ns)
         if self._shutter is not None:
             self._shutter.begin(t_ns)
-        self._tick_ns = t_ns + -t_ns % TICK_NS
+        self._truth_ns = t_ns + -t_ns % TRUTH_NS
+        self._port.begin(t_ns)
         return self.on_tick(t_ns)
 
     def on_message(self, channel: str, message: Message, t_ns: int) -> Step:
-        """Process a setpoint or a command.
+        """Process a message to the robot, or a command.
 
-        A setpoint takes effect at the next sample of the drives; one outside the bounds of the
-        input stops the robot. Stop is acknowledged; the simulation keeps integrating.
+        Stop is acknowledged; the simulation keeps integrating.
         """
-        if isinstance(message, Setpoint):
-            return self._take_setpoint(message, t_ns)
         if isinstance(message, Command):
             text = f"{self.late_ticks} late ticks"
-            return Step([self._replies.answer(message, self._phase, t_ns, text)])
-        return NO_STEP
+            return Step([self._replies.answer(message, self._port.phase, t_ns, text)])
+        if not self._port.takes_effect_at_once:
+            return Step(self._port.take(message, t_ns, self._bench))
+        step = self.on_tick(t_ns)
+        answers = self._port.take(message, t_ns, self._bench)
+        return step._replace(sends=[*step.sends, *answers])
 
     def on_tick(self, t_ns: int) -> Step:
         """Simulate up to t_ns and send what is due, in the order of time.
 
         Of several encoder readings only the newest is sent.
         """
-        bench, shutter, setpoints = self._bench, self._shutter, self._setpoints
+        bench, shutter, port = self._bench, self._shutter, self._port
         end_ns = min(t_ns, bench.t_ns + MAX_CATCH_UP_NS)
         sends: list[Send] = []
-        readings = 0
         while True:
             shutter_ns = shutter.next_ns if shutter else NEVER_NS
-            setpoint_ns = setpoints[0][0] if setpoints else NEVER_NS
-            due_ns = min(self._tick_ns, shutter_ns, setpoint_ns)
+            due_ns = min(self._truth_ns, shutter_ns, port.next_ns())
             if due_ns > end_ns:
                 break
             bench.advance(max(due_ns, bench.t_ns))
-            if due_ns == self._tick_ns:
-                read_ns, position_m, velocity_m_s = due_ns, bench.position_m, bench.velocity_m_s
-                readings += 1
-                self._tick_ns += TICK_NS
-                if due_ns % TRUTH_NS == 0:
-                    sends.append(Send("truth", self._truth(due_ns, position_m, velocity_m_s), t_ns))
+            port.read(due_ns, bench)
+            if due_ns == self._truth_ns:
+                self._truth_ns += TRUTH_NS
+                sends.append(Send("truth", self._truth(due_ns), t_ns))
             if shutter and due_ns == shutter_ns and (exposure := shutter.sample(bench)):
                 sends.append(Send("frame_1", self._frame(exposure, shutter.exposure_ns), t_ns))
-            if setpoints and due_ns == setpoint_ns:
-                bench.set_setpoint(setpoints.popleft()[1])
-        if readings:
-            self.late_ticks += readings - 1
-            seq = self._seq("joint_state")
-            reading = axis_state(seq, read_ns, position_m, velocity_m_s)
-            sends.append(Send("joint_state", reading, t_ns))
-        wake_ns = min(self._tick_ns, shutter.closes_ns) if shutter else self._tick_ns
+            sends += port.apply(due_ns, bench)
+        sends += port.flush(t_ns)
+        wake_ns = min(self._truth_ns, port.wake_ns())
+        if shutter:
+            wake_ns = min(wake_ns, shutter.closes_ns)
         return Step(sends, max(wake_ns, t_ns))
-
-    def _take_setpoint(self, message: Setpoint, t_ns: int) -> Step:
-        """Queue a setpoint; stop at the one before where it is outside the bounds."""
-        if self._phase is Phase.FAULT:
-            return NO_STEP
-        self._phase = Phase.RUNNING
-        position_m = message.position_m
-        if position_m is None:
-            text = f"setpoint of {message.count} joints in {message.space.value}"
-            return self._stop_by_itself(f"{text}; must be x, y, z in m", t_ns)
-        if self._check is not None:
-            excess = self._check.excess(message.seq, message.t_ns, position_m)
-            if excess is not None and self._check.stops:
-                return self._stop_by_itself(f"setpoint outside the envelope: {excess}", t_ns)
-        if position_m != self._setpoint_m:  # unchanged: no stop of the integration
-            self._setpoint_m = position_m
-            effective_ns = t_ns - t_ns % DRIVE_SAMPLE_NS + DRIVE_SAMPLE_NS
-            self._setpoints.append((effective_ns, position_m))
-        return NO_STEP
-
-    def _stop_by_itself(self, text: str, t_ns: int) -> Step:
-        self._phase = Phase.FAULT
-        text = f"{text}; the robot stopped by itself"
-        return Step([self._replies.give_up(self._phase, t_ns, text, FAULT_CODE)])
 
     def stop(self, t_ns: int) -> Step:
         """Do nothing; no shutdown action."""
         return NO_STEP
 
-    def _truth(self, t_ns: int, position_m: Position, velocity_m_s: Velocity) -> Truth:
+    def _truth(self, t_ns: int) -> Truth:
         link = LinkMotion(
             angle_x_rad=self._bench.angle_rad,
             angle_y_rad=0.0,
@@ -155,8 +150,8 @@ class BenchTask:
         return Truth(
             seq=self._seq("truth"),
             t_ns=t_ns,
-            position_m=position_m,
-            velocity_m_s=velocity_m_s,
+            position_m=self._bench.position_m,
+            velocity_m_s=self._bench.velocity_m_s,
             links=(link,),
         )
 
