@@ -11,6 +11,7 @@ from pathlib import Path
 from comms.messages import AngleSample
 from comms.records import LinkRow
 from rig.analysis import delays, quantities, verdict
+from rig.analysis.field_bus import field_bus
 from rig.analysis.identify.decay import DecayFit, fit_decay
 from rig.analysis.identify.errors import AnalysisError
 from rig.analysis.motion import motion_peaks
@@ -79,6 +80,7 @@ def _summary(run: RunLog, fit: DecayFit | None) -> Summary:
         swing_error=quantities.swing_error(run),
         lateness=delays.lateness(run),
         motion=motion_peaks(run),
+        field_bus=field_bus(run),
         frames=len(angles),
         angles_valid=sum(a.valid for a in angles),
         refusals=dict(Counter(a.reason.value for a in angles if not a.valid)),

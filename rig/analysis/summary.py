@@ -147,6 +147,18 @@ class LinkSummary(msgspec.Struct, kw_only=True):
     unexplained: int
 
 
+class FieldBus(msgspec.Struct, kw_only=True):
+    """Field bus of a run with a drive; loads are shares of the bit rate."""
+
+    frames: int
+    load: float  # without stuff bits
+    load_stuffed: float  # with the most stuff bits
+    errors: int  # frames corrupted, and repeated
+    bus_off: bool
+    sync_period_s: float | None  # median
+    sync_jitter_s: float | None  # half the range
+
+
 class Summary(msgspec.Struct, kw_only=True):
     """Summary of a run."""
 
@@ -172,6 +184,7 @@ class Summary(msgspec.Struct, kw_only=True):
     swing_error: SwingError = msgspec.field(default_factory=SwingError)
     lateness: Lateness = msgspec.field(default_factory=Lateness)
     motion: MotionPeaks = msgspec.field(default_factory=MotionPeaks)
+    field_bus: FieldBus | None = None  # of a run with a drive
     frames: int = 0
     angles_valid: int = 0
     refusals: dict[str, int] = {}  # frames without an angle, by reason

@@ -19,6 +19,7 @@ from comms.link import LinkFaults
 from comms.udp import is_loopback
 from rig.errors import ConfigError
 from rig.run import links
+from rig.run.drive_section import AxisDriveSection, CanSection
 from rig.run.toml_file import (
     Section,
     convert,
@@ -201,6 +202,7 @@ class BenchSection(Section, frozen=True, kw_only=True):
     pendulum: dict[str, Any] = {}
     robot: dict[str, Any] = {}
     camera: dict[str, Any] = {}
+    drive_faults: list[dict[str, Any]] = []  # of a robot with a drive
 
 
 class Experiment(Section, frozen=True, kw_only=True):
@@ -218,6 +220,8 @@ class Experiment(Section, frozen=True, kw_only=True):
     links: dict[str, LinkFaults] = {}
     network: NetworkSection = NetworkSection()
     record: RecordSection = RecordSection()
+    can: CanSection = CanSection()
+    drive: AxisDriveSection = AxisDriveSection()
     bench: BenchSection = BenchSection()
 
     @property

@@ -15,7 +15,8 @@ from typing import NamedTuple
 from comms.endpoints import PORTS, TCP_PORTS, choose_ports
 from comms.errors import CommsError
 from comms.udp import UdpReceiver, port_is_free, receive_buffer_bytes
-from rig.run.config import NetworkSection, shipped_calibrations
+from rig.run.config import Experiment, NetworkSection, shipped_calibrations
+from rig.run.finding import Finding
 from rig.run.machine import MachineGrade, measure_machine
 from rig.run.runtime.children import PROCESSES
 
@@ -30,18 +31,6 @@ NEEDED = {
     "matplotlib": 3,
 }
 MIN_FREE_BYTES = 500_000_000  # a run takes 5 MB; a disk this full fails soon
-
-
-class Finding(NamedTuple):
-    """Result of one check.
-
-    status: ok, warning (a run works, perhaps with late ticks) or failed (a run would not start).
-    """
-
-    name: str
-    status: str
-    found: str
-    advice: str = ""
 
 
 class Examination(NamedTuple):
@@ -64,8 +53,12 @@ def examine(
     runs: Path,
     network: NetworkSection,
     measure: Callable[[], MachineGrade] = measure_machine,
+    experiment: Experiment | None = None,
 ) -> Examination:
-    """Run all checks; takes three seconds, for the timer."""
+    """Run all checks; takes three seconds, for the timer.
+
+    experiment: its field bus and node are checked, where it has a drive.
+    """
     machine = measure()
     findings = [
         _python(),
@@ -77,8 +70,22 @@ def examine(
         _receive_buffer(network.bind),
         _cores(),
         _timer(machine),
+        *_field_bus(experiment),
     ]
     return Examination(findings, machine)
+
+
+def _field_bus(experiment: Experiment | None) -> list[Finding]:
+    """Check bus and node; without a drive nothing is imported and nothing is asked."""
+    if experiment is None:
+        return []
+    from rig.run.runtime.bench import has_drive
+
+    if not has_drive(experiment):
+        return []
+    from rig.run.field_bus.check import check_field_bus
+
+    return check_field_bus(experiment)
 
 
 def _python() -> Finding:

@@ -19,6 +19,8 @@ from planners.trajectories.motion import Motion
 from rig.errors import ConfigError, Refused
 from rig.run.calibration import file as calibration_file
 from rig.run.config import Experiment
+from rig.run.drive_section import NodeSettings
+from rig.run.drive_settings import drive_settings
 from rig.run.load_model import planner_model
 from rig.run.tasks.controller.task import ControllerSettings
 from rig.run.tasks.safety import Envelope, Gate
@@ -49,7 +51,8 @@ class Job(msgspec.Struct, frozen=True, kw_only=True):
         return {
             "experiment.json": encode(self.experiment),
             "plan.json": encode(self.plan),
-            "bench.json": encode(self.settings["bench"]),
+            "bench.json": encode(_plant(self.settings["bench"])),
+            "drive.json": encode(self.settings.get("drive")),
             "controller.json": encode(self.settings["controller"]),
             "vision.json": encode(self.settings["vision"]),
             "calibration.toml": calibration,
@@ -57,10 +60,16 @@ class Job(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Plant(NamedTuple):
-    """Plant of a run: settings of its task, and number of links of its load."""
+    """Plant of a run: settings of its task, number of links of its load, and if it has a drive."""
 
     settings: Any
     links: int
+    has_drive: bool = False
+
+
+def _plant(settings: Any) -> Any:
+    """Return the parameters of the plant, without those of its node."""
+    return settings.plant if isinstance(settings, NodeSettings) else settings
 
 
 def plan_move(experiment: Experiment, timer: Any = None) -> Plan | None:
@@ -120,6 +129,11 @@ def prepare(
         "vision": _vision_settings(experiment, calibration),
         "streamer": _streamer_settings(experiment, record, envelope),
     }
+    if plant.has_drive:
+        settings["bench"] = NodeSettings(
+            drive=experiment.drive, plant=msgspec.to_builtins(plant.settings)
+        )
+        settings["drive"] = drive_settings(experiment.drive, envelope)
     return Job(
         experiment=experiment,
         plan=record,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from comms.channels import DATA, RENAMED_CHANNELS
+from comms.channels import CHANNELS, DATA, RENAMED_CHANNELS, Transport
 from comms.link import LinkFaults
 from rig.errors import ConfigError
 from rig.run.toml_file import convert, nearest, rename_key, rename_keys
@@ -35,4 +35,9 @@ def check(links: Any) -> None:
             raise ConfigError(
                 f"[links.{name}]: no such link{nearest(name, DATA)}; links: {', '.join(DATA)}"
             )
-        convert(faults, LinkFaults, f"links.{name}")
+        found = convert(faults, LinkFaults, f"links.{name}")
+        if found.corrupt and CHANNELS[name].transport is not Transport.CAN:
+            raise ConfigError(
+                f"[links.{name}] corrupt = {found.corrupt:g}; must be 0: only a field bus repeats "
+                "a corrupted frame; here it is lost, take loss"
+            )

@@ -23,6 +23,7 @@ class OperatorFile(NamedTuple):
     pid: int
     stop_key: str = ""  # hexadecimal; empty where there is none
     stop_ports: Mapping[str, int] = {}  # by task
+    can: Mapping[str, Any] = {}  # settings of the field bus (comms/can_bus.py); {} without one
 
     def write(self, folder: Path) -> None:
         """Write the file into the folder of a run; a rename makes it appear complete.
@@ -63,6 +64,7 @@ def read(path: Path) -> OperatorFile:
         pid=_pid(fields),
         stop_key=str(fields.get("stop_key", "")),
         stop_ports=_ports(fields.get("stop_ports")),
+        can=_table(fields.get("can")),
     )
 
 
@@ -124,6 +126,10 @@ def _ports(value: Any) -> dict[str, int]:
     if not isinstance(value, dict):
         return {}
     return {task: port for task, port in value.items() if _is_port(port)}
+
+
+def _table(value: Any) -> dict[str, Any]:
+    return value if isinstance(value, dict) else {}
 
 
 def _is_port(value: Any) -> bool:

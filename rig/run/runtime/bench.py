@@ -5,6 +5,7 @@ Other modules of rig/run do not import sim_rig.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import msgspec
@@ -16,11 +17,19 @@ from rig.run.job import Plant, safety_envelope
 from rig.run.tasks.controller.task import COUNTING_POLICY
 from rig.run.toml_file import convert
 from rig.run.units import CABLE, SWING, suspect
+from sim_rig.ball_screw_axis import AxisReading
+from sim_rig.ball_screw_params import BallScrewParams
+from sim_rig.can_bench import CanBench
+from sim_rig.can_drive import DriveLogic
+from sim_rig.drive_faults import DriveFault
 from sim_rig.input_check import InputBounds
 from sim_rig.params import BenchParams, CameraParams, PendulumParams, RobotParams, View
 from sim_rig.task import BenchTask
 
 LINKS = 1  # of the simulated load
+CARTESIAN, BALL_SCREW = "cartesian", "ball_screw"
+ROBOTS = (CARTESIAN, BALL_SCREW)
+AxisSensors = AxisReading  # what the logic of a drive is given at a sample
 
 
 def params(experiment: Experiment) -> BenchParams:
@@ -35,10 +44,19 @@ def params(experiment: Experiment) -> BenchParams:
         value = bench.pendulum.get(key)
         if isinstance(value, int | float):
             suspect(f"[bench.pendulum] {key} =", value, usual)
+    robot = RobotParams()
+    axis = None
+    if has_drive(experiment):
+        axis = convert(_without_kind(bench.robot), BallScrewParams, "bench.robot")
+        robot = RobotParams(start_m=axis.start_m)
+    else:
+        robot = convert(_without_kind(bench.robot), RobotParams, "bench.robot")
     try:
         return BenchParams(
+            axis=axis,
+            drive_faults=_drive_faults(experiment),
             pendulum=convert(bench.pendulum, PendulumParams, "bench.pendulum"),
-            robot=convert(bench.robot, RobotParams, "bench.robot"),
+            robot=robot,
             camera=convert(bench.camera, CameraParams, "bench.camera"),
             view=View(width=view.width, height=view.height, rate_hz=view.rate_hz),
             seed=experiment.experiment.seed,
@@ -50,7 +68,31 @@ def params(experiment: Experiment) -> BenchParams:
 def plant(experiment: Experiment) -> Plant:
     """Describe the plant for the checks before a run. Raises ConfigError as params() does."""
     settings = msgspec.structs.replace(params(experiment), input=_input_bounds(experiment))
-    return Plant(settings, LINKS)
+    return Plant(settings, LINKS, has_drive(experiment))
+
+
+def has_drive(experiment: Experiment) -> bool:
+    """Tell if the robot is an axis with a drive on the field bus. Raises ConfigError."""
+    kind = experiment.bench.robot.get("kind", CARTESIAN)
+    if kind not in ROBOTS:
+        raise ConfigError(
+            f"[bench.robot] kind = {kind!r}; must be one of {', '.join(ROBOTS)}: correct the value"
+        )
+    return bool(kind == BALL_SCREW)
+
+
+def _drive_faults(experiment: Experiment) -> tuple[DriveFault, ...]:
+    tables = experiment.bench.drive_faults
+    if tables and not has_drive(experiment):
+        raise ConfigError(
+            "[[bench.drive_faults]] of a robot without a drive; must be with [bench.robot] kind = "
+            "'ball_screw': remove them, or change the kind"
+        )
+    return tuple(convert(table, DriveFault, "bench.drive_faults") for table in tables)
+
+
+def _without_kind(robot: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in robot.items() if key != "kind"}
 
 
 def _input_bounds(experiment: Experiment) -> InputBounds:
@@ -67,3 +109,13 @@ def _input_bounds(experiment: Experiment) -> InputBounds:
 def task(settings: Any) -> Task:
     """Make the simulated plant a task of this process."""
     return BenchTask(msgspec.convert(msgspec.to_builtins(settings), BenchParams))
+
+
+def drive_task(settings: Any, make_logic: Callable[[], DriveLogic]) -> Task:
+    """Make the simulated plant with a drive a task of this process.
+
+    make_logic: makes the logic of the drive, powered off.
+    """
+    params = msgspec.convert(msgspec.to_builtins(settings), BenchParams)
+    plant = CanBench(params, make_logic)
+    return BenchTask(params, plant.make_bench, plant)

@@ -15,6 +15,7 @@ import msgspec
 from comms.clock import cpu_of_s
 from comms.ends import OPERATOR_SILENT_NS, Wiring
 from comms.priority import scheduling_of
+from rig.run.drive_section import NodeSettings
 
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
@@ -35,7 +36,9 @@ PROCESSES = {
     "controller": Process("rig.run.tasks.controller", 30, is_mover=True),
     "vision": Process("vision", 10),
     "streamer": Process("rig.run.tasks.streamer", 20, is_mover=True),
+    "drive": Process("rig.run.tasks.drive", 28, is_mover=True),
 }
+NODE_MODULE = "rig.run.runtime.drive_node"  # of the bench of a run with a drive
 
 
 class Children:
@@ -59,6 +62,8 @@ class Children:
         """
         for name, task_settings in settings.items():
             process = PROCESSES[name]
+            if name == "bench" and isinstance(task_settings, NodeSettings):
+                process = process._replace(module=NODE_MODULE)
             with self._log_path(name).open("wb") as log:
                 child = subprocess.Popen(
                     [sys.executable, "-P", "-m", process.module],

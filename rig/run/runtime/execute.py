@@ -6,6 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
+import msgspec
+
 from comms import bus_folder
 from comms.channels import MS
 from comms.clock import MonotonicClock, epoch_now_ns, new_run_clock, stopwatch_s, utc_now
@@ -15,6 +17,7 @@ from comms.link import LinkCount
 from comms.task import Task
 from rig.errors import EXIT_STATUS, FAULT, REFUSED, RigError, RunFailed
 from rig.run import operator_file, runs
+from rig.run.drive_section import NodeSettings
 from rig.run.job import Job
 from rig.run.recorder import Recorder
 from rig.run.run_metadata import start_metadata
@@ -24,6 +27,7 @@ from rig.run.runtime.processes import ProcessRunner
 from rig.run.runtime.virtual import VirtualRunner
 from rig.run.tasks import run_out
 from rig.run.tasks.controller.task import ControllerTask
+from rig.run.tasks.drive.task import DriveTask
 from rig.run.tasks.operator import Operator
 from rig.run.tasks.streamer import Streamer
 
@@ -140,12 +144,33 @@ def _run_virtual(
 def make_task(name: str, settings: Any) -> Task:
     """Build the task of that name in this process."""
     if name == "bench":
-        return bench.task(settings)
+        return _make_bench(settings)
+    if name == "drive":
+        return DriveTask(settings)
     if name == "vision":
         from vision.task import VisionTask
 
         return VisionTask(settings)
     return ControllerTask(settings) if name == "controller" else Streamer(settings)
+
+
+def _make_bench(settings: Any) -> Task:
+    if isinstance(settings, NodeSettings):
+        from rig.run.runtime import drive_node
+
+        return drive_node.task(settings)
+    return bench.task(settings)
+
+
+def _can(job: Job) -> dict[str, Any]:
+    """Choose the field bus of a run with a drive; {} without one."""
+    if "drive" not in job.settings:
+        return {}
+    from comms.can_bus import CanSettings, chosen
+
+    can = job.experiment.can
+    settings = CanSettings(interface=can.interface, channel=can.channel, bitrate=can.bitrate)
+    return dict(msgspec.to_builtins(chosen(settings)))
 
 
 def _run_wall(
@@ -168,7 +193,7 @@ def _run_wall(
         with bus_folder.opened(e.network.bus == "ipc") as sockets:
             ended.counts = runner.run(
                 host,
-                endpoints(host, choose_ports(host, e.network.base_port), sockets),
+                endpoints(host, choose_ports(host, e.network.base_port), sockets, _can(job)),
                 e.experiment.seed,
                 dict(e.links),
                 e.record.pictures_hz,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any
 
 from comms.bus_content import Content, Hello, Record, StreamEnd, Telemetry
@@ -24,6 +24,7 @@ class Inbox:
 
     def __init__(
         self,
+        tasks: Collection[str],
         session: int,
         operator: Operator,
         recorder: Recorder,
@@ -31,7 +32,7 @@ class Inbox:
     ) -> None:
         """carry_out: receives what the operator returns."""
         self.roster = Roster()
-        self.counts = ChannelCounts()
+        self.counts = ChannelCounts(tasks)
         self.starvation = Starvation()
         self.robot = RobotWatch(operator)
         self.foreign = 0  # telemetry of no task of this run

@@ -65,7 +65,7 @@ class ProcessRunner:
         self._folder = folder
         self._session = secrets.randbits(63)
         self._children = Children(folder)
-        self._inbox = Inbox(self._session, operator, recorder, self._carry_out)
+        self._inbox = Inbox(set(settings), self._session, operator, recorder, self._carry_out)
         self._roster = self._inbox.roster
         self._requests = TerminalRequests(operator, self._inbox.robot, self._carry_out)
         self._cpu = CpuMeter(self._children)
@@ -115,14 +115,15 @@ class ProcessRunner:
                 addresses=dict(ends.addresses),
                 stop_ports=dict(ends.stop_ports),
                 stop_key=secrets.token_hex(KEY_BYTES),
+                tasks=tuple(self._settings),
+                can=dict(ends.can),
                 faults=faults,
                 pictures_hz=pictures_hz,
                 operator_silent_ns=silent_ns,
                 orphan_ns=ORPHAN_NS + stop_ns,
             )
-            contact = OperatorFile(
-                ends.addresses["commands"], os.getpid(), wiring.stop_key, wiring.stop_ports
-            )
+            rest = (wiring.stop_key, wiring.stop_ports, wiring.can)
+            contact = OperatorFile(ends.addresses["commands"], os.getpid(), *rest)
             contact.write(self._folder)
             self._children.start(self._settings, wiring)
             self._await_tasks()

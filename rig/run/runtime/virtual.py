@@ -12,7 +12,7 @@ import struct
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 
-from comms.channels import CHANNELS, DATA, MS
+from comms.channels import CHANNELS, MS, Transport, data_channels, ends
 from comms.codec import encode
 from comms.ends import admit
 from comms.link import LinkCount, LinkFaults, LinkModel, SequenceWindow, merge_counts
@@ -32,10 +32,12 @@ _STAMP = struct.Struct("<qB")
 class _Link:
     """Both ends of a channel and the fault model between them."""
 
-    def __init__(self, name: str, faults: LinkFaults | None, seed: int) -> None:
+    def __init__(self, name: str, receiver: str, faults: LinkFaults | None, seed: int) -> None:
         row = CHANNELS[name]
         self.id = row.id
-        self.receiver = row.receiver
+        self.receiver = receiver
+        self.is_in_order = row.transport is Transport.CAN  # no frame overtakes another
+        self.last_due_ns = 0
         self.late_ns = round(row.late_after_ms * MS)
         self.model = LinkModel(faults, seed, row.id) if faults else None
         self.window = SequenceWindow()
@@ -69,7 +71,10 @@ class VirtualRunner:
         self._progress = progress
         self._interrupts = interrupts
         self._next_progress_ns = 0
-        self._links = {name: _Link(name, faults.get(name), seed) for name in DATA}
+        self._links: dict[str, _Link] = {}
+        for name in data_channels(self._tasks):
+            _, receiver = ends(name, self._tasks)
+            self._links[name] = _Link(name, receiver, faults.get(name), seed)
         self._queue: list[QueuedEvent] = []
         self._wake_ns: dict[str, int] = {}
         self._closed: set[str] = set()
@@ -147,11 +152,17 @@ class VirtualRunner:
     def _send(self, channel: str, link: _Link, message: Message, at_ns: int) -> None:
         link.sender_count.sent += 1
         self._log(channel, link.id, message)
-        delay_ns = link.model.delay_ns(message.seq) if link.model else 0
+        delay_ns: int | None = 0
+        if link.model is not None:
+            delay_ns = link.model.delay_ns(message.seq)
+            link.sender_count.confine(link.model.confinement)
         if delay_ns is None:
             link.sender_count.lost_link += 1
         else:
-            heapq.heappush(self._queue, (at_ns + delay_ns, link.id, message.seq, channel, message))
+            due_ns = at_ns + delay_ns
+            if link.is_in_order:
+                due_ns = link.last_due_ns = max(due_ns, link.last_due_ns)
+            heapq.heappush(self._queue, (due_ns, link.id, message.seq, channel, message))
 
     def _deliver(self, channel: str, message: Message) -> None:
         link = self._links[channel]

@@ -17,7 +17,7 @@ ANSWER_TIMEOUT_NS = 2_000 * MS  # for arm, start, stop
 MIN_START_DELAY_NS = 500 * MS  # from the start order to t_start
 START_GRID_NS = 60 * MS  # t_start is a common multiple of all periods (5, 10, 20, 30 ms)
 REST_NS = 400 * MS  # watched after a stop, beside its duration: the servos settle in 60 ms
-MOVERS = ("controller", "streamer")  # a stop goes to these, and both must confirm it
+MOVERS = ("controller", "streamer", "drive")  # a stop goes to these, and all must confirm it
 
 
 class Stage(enum.Enum):

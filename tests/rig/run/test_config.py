@@ -22,9 +22,10 @@ from rig.run.runtime import bench
 SMALLEST = '[experiment]\nname = "mine"\n'
 SECTIONS = (
     "experiment, move, model, plan, limits, safety, controller, camera, vision, links, "
-    "network, record, bench"
+    "network, record, can, drive, bench"
 )
 LINKS = "reference, setpoint, joint_state, robot_state, platform_1, frame_1, angle_1"
+LINKS += ", can_down, can_up"
 
 
 def said(path: Path, text: str) -> str:
@@ -91,7 +92,7 @@ MISTAKES = {
     "an unknown key of a link": (
         SMALLEST + "[links.angle_1]\ndelay = 3",
         "[links.angle_1] delay: unknown key, did you mean 'delay_ms'?; "
-        "known keys: delay_ms, jitter_ms, loss, burst",
+        "known keys: delay_ms, jitter_ms, loss, burst, corrupt",
     ),
     "a link out of bounds": (
         SMALLEST + "[links.angle_1]\nloss = 1.5",

@@ -10,7 +10,6 @@ from rig.run.tasks.operator import (
     ANSWER_TIMEOUT_NS,
     CONNECT_TIMEOUT_NS,
     MIN_START_DELAY_NS,
-    MOVERS,
     RETRY_PERIOD_NS,
     START_GRID_NS,
     Operator,
@@ -20,6 +19,7 @@ from rig.run.tasks.operator import (
 MS = 1_000_000
 S = 1_000 * MS
 TASKS = ("bench", "controller", "vision", "streamer")
+MOVERS = ("controller", "streamer")  # of these tasks
 DURATION_NS = 15 * S
 
 

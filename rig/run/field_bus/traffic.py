@@ -1,0 +1,161 @@
+"""Frames of a bus: from a log of ours, from a trace file of another program, or live."""
+
+from __future__ import annotations
+
+import json
+import struct
+import zlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import IO, Any, NamedTuple
+
+import can
+import msgspec
+from can.io.blf import BLFParseError
+from can.io.generic import MessageReader
+
+from comms.errors import LogError
+from comms.mcap_log import EPOCH_KEY, Log, read_log
+from comms.messages import CanMessage
+from rig.errors import ConfigError, RigError
+from rig.run.drive_section import AxisDriveSection, CanSection
+from rig.run.runs import find_log
+
+DOWN, UP = "/can_down", "/can_up"  # topics: of the master, of the nodes
+BINARY = ".blf"
+TRACES: dict[str, Callable[[Any], MessageReader]] = {
+    ".asc": can.ASCReader,
+    ".blf": can.BLFReader,
+    ".trc": can.TRCReader,
+    ".log": can.CanutilsLogReader,
+}
+KINDS = "ASC (.asc), BLF (.blf), PCAN (.trc), candump (.log)"
+READ_ERRORS = (
+    ValueError,
+    LookupError,
+    TypeError,
+    ArithmeticError,
+    AttributeError,
+    AssertionError,
+    NotImplementedError,
+    EOFError,
+    zlib.error,
+    struct.error,
+    BLFParseError,
+    can.CanError,
+)
+
+
+class RunBus(msgspec.Struct, frozen=True, kw_only=True):
+    """Field bus of a logged run: `[can]` and `[drive]` of its experiment."""
+
+    can: CanSection = CanSection()
+    drive: AxisDriveSection = AxisDriveSection()
+
+
+class Traffic(NamedTuple):
+    """Frames of a logged run in the order of their instants, and its bus."""
+
+    log: Log
+    bus: RunBus
+    frames: list[can.Message]  # time stamps: run clock [s]
+
+    @property
+    def epoch_s(self) -> float:
+        """Wall-clock time of run time 0 [s since 1970]."""
+        return int(self.log.metadata["run.start"].get(EPOCH_KEY, "0")) * 1e-9
+
+
+class DamagedTrace(LogError):
+    """Trace file that cannot be read."""
+
+
+def is_trace(name: str) -> bool:
+    """Tell if a name is that of a trace file of another program."""
+    return Path(name).suffix.lower() in TRACES
+
+
+def read_trace(path: Path) -> Iterator[can.Message]:
+    """Read the frames of a trace file; raises ConfigError, and DamagedTrace at the damage."""
+    reader = TRACES.get(path.suffix.lower())
+    if reader is None:
+        raise ConfigError(f"{path}: unknown kind of trace; must be {KINDS}, or a run of this rig")
+    if not path.is_file():
+        raise ConfigError(f"{path}: no such file; must be a trace: {KINDS}, or a run of this rig")
+    count = 0
+    try:
+        with _open(path) as stream, reader(stream) as frames:
+            for message in frames:
+                yield message
+                count += 1
+    except READ_ERRORS as error:
+        kind = path.suffix.removeprefix(".").upper()
+        raise DamagedTrace(
+            f"{path}: no {kind} trace after {count} frames ({_reason(error)}): cut short, "
+            "or of another kind"
+        ) from error
+
+
+def _open(path: Path) -> IO[Any]:
+    """Open a trace; the readers of python-can leave a file open that they do not understand."""
+    if path.suffix.lower() == BINARY:
+        return path.open("rb")
+    return path.open(encoding="utf-8", errors="replace")
+
+
+def read_traffic(name: str, runs: Path) -> Traffic:
+    """Read the frames of a logged run; raises RigError for a run without a field bus."""
+    try:
+        path = find_log(name, runs)
+    except RigError as error:
+        if Path(name).suffix and not is_trace(name):
+            raise ConfigError(f"{error}; a trace of another program must be {KINDS}") from None
+        raise
+    return traffic_of(read_log(path))
+
+
+def traffic_of(log: Log) -> Traffic:
+    """Take the frames out of a log; raises RigError where there are none."""
+    messages = [(message, False) for message in log.read(DOWN, CanMessage)]
+    messages += [(message, True) for message in log.read(UP, CanMessage)]
+    if not messages:
+        raise RigError(
+            f"{log.path}: a run without traffic on a field bus; must be a run with a drive: "
+            '[bench.robot] kind = "ball_screw"'
+        )
+    messages.sort(key=lambda row: row[0].t_ns)  # stable: of equal instants, the request first
+    frames = [_frame(message, is_rx) for message, is_rx in messages]
+    return Traffic(log, run_bus(log), frames)
+
+
+def run_bus(log: Log) -> RunBus:
+    """Read `[can]` and `[drive]` of the experiment of a log; raises LogError."""
+    try:
+        return msgspec.json.decode(log.attachments.get("experiment.json", b"{}"), type=RunBus)
+    except msgspec.MsgspecError as error:
+        raise LogError(
+            f"{log.path}: its experiment cannot be read ({error}): damaged, or of another version"
+        ) from error
+
+
+def has_drive(log: Log) -> bool:
+    """Tell if a run had a drive on the field bus."""
+    return json.loads(log.attachments.get("drive.json") or b"null") is not None
+
+
+def _frame(message: CanMessage, is_rx: bool) -> can.Message:
+    """Convert a message of the log. is_rx: a node sent it, the master received it."""
+    return can.Message(
+        timestamp=message.t_ns * 1e-9,
+        arbitration_id=message.can_id,
+        is_extended_id=message.is_extended,
+        is_remote_frame=message.is_remote,
+        dlc=message.length,
+        data=None if message.is_remote else message.data,
+        is_rx=is_rx,
+        channel=0,
+    )
+
+
+def _reason(error: BaseException) -> str:
+    return str(error).splitlines()[0] if str(error) else type(error).__name__
