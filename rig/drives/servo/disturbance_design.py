@@ -3,22 +3,23 @@
     torque to add = Q u - Q Pn^-1 y
 
 u the torque applied, y the speed of the motor, Pn its nominal model, Q a low-pass of gain 1 (source
-001, disturbance observer). What the motor does beyond its nominal model counts as a torque, and is
-compensated. With the motor alone as nominal model, the reaction of an elastic load is compensated
-too; with the model of the joint, only what deviates from the joint is.
+001, disturbance observer). It works for any plant with input u and output y. What the motor does
+beyond its nominal model counts as a torque, and is compensated. With the motor alone as nominal
+model, the reaction of an elastic load is compensated too; with the model of the joint, only what
+deviates from the joint is.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 
 from planners.trajectories.pieces import ComplexArray, FloatArray
-from rig.drives.servo.errors import Improper, ServoError, check_datum, check_range
+from rig.drives.servo.errors import Improper, ServoError
 from rig.drives.servo.loops import PolePair, pole_pairs
+from rig.drives.servo.nominal import LowPass, Nominal, Ratio, coefficients
 from rig.drives.servo.two_mass import TwoMass
 from rig.drives.servo.wiring import (
     STATES,
@@ -29,116 +30,18 @@ from rig.drives.servo.wiring import (
     plant,
 )
 
-MAX_FILTER_ORDER = 8
-Kind = Literal["binomial", "butterworth"]
-Measured = Literal["speed", "angle"]
+Measured = Literal["speed", "angle", "output"]
 Place = Literal["motor", "load"]
-SAME_COEFFICIENT_REL = 1e-9  # relative difference of coefficients that count as equal
-
-
-class Ratio(NamedTuple):
-    """Transfer function as two polynomials, highest power first."""
-
-    numerator: FloatArray
-    denominator: FloatArray
-
-    def at(self, omega_rad_s: FloatArray) -> ComplexArray:
-        """Compute the frequency response at j omega."""
-        s = 1j * np.asarray(omega_rad_s)
-        return np.asarray(
-            np.polyval(self.numerator, s) / np.polyval(self.denominator, s), dtype=np.complex128
-        )
-
-
-@dataclass(frozen=True, kw_only=True)
-class LowPass:
-    """Low-pass filter Q = 1 / (1 + s T)^order, or Butterworth with its corner at 1 / T.
-
-    Raises ServoError for values out of bounds.
-    """
-
-    time_constant_s: float
-    order: int = 1
-    kind: Kind = "binomial"
-
-    def __post_init__(self) -> None:
-        check_datum("time_constant_s", self.time_constant_s)
-        check_range("order", self.order, 1, MAX_FILTER_ORDER, "1 or 2 is usual")
-
-    @property
-    def denominator(self) -> FloatArray:
-        """Denominator q of Q = 1 / q, highest power first; its last coefficient is 1."""
-        t, order = self.time_constant_s, self.order
-        if self.kind == "binomial":
-            return np.array(
-                [math.comb(order, power) * t**power for power in range(order, -1, -1)],
-                dtype=np.float64,
-            )
-        half_turns = (2.0 * np.arange(1, order + 1) + order - 1.0) / (2.0 * order)  # of the poles
-        scaled = np.poly(np.exp(1j * math.pi * half_turns)).real
-        return np.asarray(scaled * t ** np.arange(order, -1, -1), dtype=np.float64)
-
-
-@dataclass(frozen=True)
-class Nominal:
-    """Nominal model of the observer, motor speed over motor torque; highest power first."""
-
-    numerator: FloatArray
-    denominator: FloatArray
-
-    @classmethod
-    def rigid(cls, inertia_kg_m2: float, friction_n_m_s_rad: float = 0.0) -> Nominal:
-        """Build 1 / (J s + D); raises ServoError for values out of bounds."""
-        check_datum("inertia_kg_m2", inertia_kg_m2)
-        check_datum("friction_n_m_s_rad", friction_n_m_s_rad, zero=True)
-        return cls(np.array([1.0]), np.array([inertia_kg_m2, friction_n_m_s_rad]))
-
-    @classmethod
-    def motor_alone(cls, joint: TwoMass) -> Nominal:
-        """Build 1 / (Jm s + Dm), the nominal model of source 001.
-
-        Every effect of the load then counts as a disturbance.
-        """
-        return cls.rigid(joint.motor_inertia_kg_m2, joint.motor_friction_n_m_s_rad)
-
-    @classmethod
-    def rigid_joint(cls, joint: TwoMass) -> Nominal:
-        """Build 1 / ((Jm + Jlr) s + Dm + Dlr): the joint with infinite stiffness."""
-        return cls.rigid(joint.rigid_inertia_kg_m2, joint.rigid_friction_n_m_s_rad)
-
-    @classmethod
-    def elastic(cls, joint: TwoMass) -> Nominal:
-        """Build the model of the elastic joint.
-
-        Raises ServoError for a joint whose load oscillates undamped with locked rotor.
-        """
-        if not joint.motor_numerator[1] > 0.0:
-            raise ServoError(
-                "elastic_damping_n_m_s_rad = 0 without friction of the load; must be > 0, "
-                "otherwise the inverse of the joint never settles: measure it, or use a rigid "
-                "nominal model"
-            )
-        return cls(joint.motor_numerator, joint.denominator[:-1])
-
-    def is_joint(self, joint: TwoMass) -> bool:
-        """Compare with the elastic model of a joint; True if they are equal."""
-        pairs = (
-            (self.numerator, joint.motor_numerator),
-            (self.denominator, joint.denominator[:-1]),
-        )
-        return all(
-            a.shape == b.shape and np.allclose(a, b, rtol=SAME_COEFFICIENT_REL, atol=0.0)
-            for a, b in pairs
-        )
 
 
 @dataclass(frozen=True, kw_only=True)
 class ObserverDesign:
     """Filter Q, nominal model and measured signal of an observer.
 
-    measured = "speed": angles are differenced before Q; "angle": Q differentiates the angle itself.
-    Raises Improper if the order of Q is below that of the differentiation: 1 for a speed, 2 for an
-    angle.
+    measured = "speed": angles are differenced before Q; "angle": Q differentiates the angle itself;
+    "output": the nominal model gives the measured signal, whatever it is. Raises Improper if the
+    relative degree of Q, its order, is below that of the nominal model from torque to the measured
+    signal, which for an angle is larger by 1.
     """
 
     low_pass: LowPass
@@ -146,64 +49,86 @@ class ObserverDesign:
     measured: Measured = "speed"
 
     def __post_init__(self) -> None:
-        needed = (
-            self.nominal.denominator.size - self.nominal.numerator.size + (self.measured == "angle")
-        )
+        pn = self.nominal
+        poles = pn.denominator.size - 1 + (self.measured == "angle")
+        needed = poles + 1 - pn.numerator.size
         if self.low_pass.order < needed:
+            advice = "raise the order"
+            if self.measured == "angle" and needed == 2:
+                advice += ", or measure the speed"
             raise Improper(
-                f"order = {self.low_pass.order} of Q over a nominal model with {needed} more poles "
-                f"than zeros from torque to {self.measured}; must be >= {needed}: raise the order"
-                + (", or measure the speed" if needed == 2 else "")
+                f"order = {self.low_pass.order} of Q (its relative degree) over a nominal model of "
+                f"relative degree {needed} (degrees {poles} - {pn.numerator.size - 1}) from torque "
+                f"to {self.measured}; must be >= {needed}: {advice}"
             )
 
-    def characteristic(self, joint: TwoMass) -> FloatArray:
-        """Compute the characteristic polynomial of a joint with the observer.
+    def characteristic(self, plant: TwoMass | Nominal) -> FloatArray:
+        """Compute the characteristic polynomial of a plant with the observer.
 
-        (q - 1) a D3 + Nm b with Q = 1 / q, Pn = a / b, P = Nm / D3. The pole at 0 of the angle is
-        left out. With a rigid nominal model it is the denominator of G_f H_f / s with
+        (q - 1) a D + N b with Q = 1 / q, Pn = a / b, P = N / D. Of a joint P is its motor speed:
+        the pole at 0 of the angle is left out. With a rigid nominal model it is the denominator of
+        G_f H_f / s with
 
             H_f = (Jlr s^2 + Del s + Kel)(Jm s^2 + Dm s) + G_f (Del s + Kel) Jlr s^2
 
         (source 001 prints Jm in place of Jlr in the last term).
         """
         a, b = self.nominal.numerator, self.nominal.denominator
+        numerator, denominator = coefficients(plant)
         return np.asarray(
-            np.polyadd(
-                np.polymul(self._times_q_minus_1(a), joint.denominator[:-1]),
-                np.polymul(joint.motor_numerator, b),
-            )
+            np.polyadd(np.polymul(self._times_q_minus_1(a), denominator), np.polymul(numerator, b))
         )
 
-    def poles_1_s(self, joint: TwoMass) -> ComplexArray:
-        """Compute the poles that a torque on the motor excites.
+    def poles_1_s(self, plant: TwoMass | Nominal) -> ComplexArray:
+        """Compute the poles that a torque on the motor, or at the input of the plant, excites.
 
-        With the elastic nominal model of the joint itself: the poles of the joint and of Q. The
-        poles that its inverse adds, the load oscillating with locked rotor, are cancelled
+        With the plant itself as nominal model: the poles of the plant and of Q. The poles that its
+        inverse adds, of a joint the load oscillating with locked rotor, are cancelled
         (cancelled_poles_1_s).
         """
-        if not self.nominal.is_joint(joint):
-            return _roots(self.characteristic(joint))
-        return np.concatenate([_roots(self.low_pass.denominator), joint.poles_1_s])
+        if not self.nominal.is_plant(plant):
+            return _roots(self.characteristic(plant))
+        _, denominator = coefficients(plant)
+        return np.concatenate([_roots(self.low_pass.denominator), _roots(denominator)])
 
-    def cancelled_poles_1_s(self, joint: TwoMass) -> ComplexArray:
-        """Compute the poles of the inverse of the elastic nominal model.
+    def cancelled_poles_1_s(self, plant: TwoMass | Nominal) -> ComplexArray:
+        """Compute the poles of the inverse of a nominal model that is the plant.
 
         A torque on the motor does not excite them, a torque on the load does.
         """
-        return (
-            _roots(joint.motor_numerator)
-            if self.nominal.is_joint(joint)
-            else np.zeros(0, dtype=np.complex128)
-        )
+        if not self.nominal.is_plant(plant):
+            return np.zeros(0, dtype=np.complex128)
+        return _roots(self.nominal.numerator)
+
+    def rejection(self, plant: Nominal) -> Ratio:
+        """Compute the transfer function from a disturbance at the input to the output.
+
+        P (1 - Q) / (1 - Q + Q P / Pn) of any plant P.
+        """
+        top = np.polymul(self.nominal.numerator, plant.numerator)
+        return Ratio(self._times_q_minus_1(np.asarray(top)), self.characteristic(plant))
+
+    def response(self, plant: Nominal) -> Ratio:
+        """Compute the transfer function from the input of the controller to the output.
+
+        P / (1 - Q + Q P / Pn) of any plant P: with the nominal model as plant it is P.
+        """
+        top = np.polymul(self.low_pass.denominator, self.nominal.numerator)
+        return Ratio(np.asarray(np.polymul(top, plant.numerator)), self.characteristic(plant))
 
     def loop(self, joint: TwoMass) -> ControlLoop:
         """Build the continuous loop, opened where the torque of the observer enters the motor.
 
         Closed from controller_torque, the torque of the controller. Opened it is (Q / (1 - Q)) P /
         Pn: its gain and phase margin bound the deviation of the joint from the nominal model.
+        Raises ServoError for measured = "output", which is no signal of a joint.
         """
         import control
 
+        if self.measured == "output":
+            raise ServoError(
+                "measured = 'output' around a joint; must be 'speed' or 'angle': choose one"
+            )
         estimator = self.estimator()
         inputs = ["drive_torque", estimator.input_labels[1]]
         blocks = [
@@ -222,12 +147,12 @@ class ObserverDesign:
             "motor_speed",
         )
 
-    def least_damped(self, joint: TwoMass) -> PolePair:
+    def least_damped(self, plant: TwoMass | Nominal) -> PolePair:
         """Find the least damped pole pair that a torque on the motor excites, Q included.
 
         Damping ratio 1 without oscillation, < 0 if unstable.
         """
-        return min(pole_pairs(self.poles_1_s(joint)), key=lambda mode: mode.damping)
+        return min(pole_pairs(self.poles_1_s(plant)), key=lambda mode: mode.damping)
 
     def disturbance(self, joint: TwoMass, torque: Place, speed: Place) -> Ratio:
         """Compute the transfer function from a disturbance torque to a speed.
@@ -262,7 +187,7 @@ class ObserverDesign:
     def estimator(self, lead_s: float = 0.0) -> Any:
         """Build the observer as control.StateSpace: [Q (1 + s lead), -Q / Pn].
 
-        From the torque applied and the motor speed (or angle) to the torque to add.
+        From the torque applied and the motor speed (or angle, or output) to the torque to add.
         """
         import control
 
@@ -282,7 +207,8 @@ class ObserverDesign:
         state[:, 0] = -below[1:]
         entry = above[:, 1:].T - np.outer(below[1:], above[:, 0])
         rate = 1.0 / self.low_pass.time_constant_s
-        names = {"inputs": ["torque", f"motor_{self.measured}"], "outputs": "added_torque"}
+        signal = "output" if self.measured == "output" else f"motor_{self.measured}"
+        names = {"inputs": ["torque", signal], "outputs": "added_torque"}
         return control.ss(state * rate, entry * rate, np.eye(1, order), above[:, :1].T, **names)
 
     def _times_q_minus_1(self, polynomial: FloatArray) -> FloatArray:

@@ -44,7 +44,8 @@ class DisturbanceObserver:
     def step(self, torque_n_m: float, motor_angle_rad: float) -> float:
         """Compute the torque [N m] to add to that of the controller.
 
-        From the torque applied since the last sample and the encoder angle of this sample.
+        From the torque applied since the last sample and the encoder angle of this sample, or the
+        output of the plant if the design measures that.
         """
         if not self._difference:
             return self._block.step(torque_n_m, motor_angle_rad)

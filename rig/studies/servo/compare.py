@@ -74,7 +74,8 @@ def compare(
     bench.elastic_joint(spec.bench, spec.seed)
     for variant in variants:
         bench.elastic_joint(tables[variant], spec.seed, f"truth.{variant}")
-    _check_work(spec, variants, drives)
+    durations_s = [run_duration_s(spec, drive.delay_s) for drive in drives.values()]
+    check_samples(spec, len(variants) * sum(durations_s))
     order = product(variants, range(len(paths)), drives)
     return (
         _run(spec, variant, tables[variant], move, paths[move], name, drives[name])
@@ -108,12 +109,14 @@ def _run(
     )
 
 
-def _check_work(spec: ServoSpec, variants: Sequence[str], drives: Mapping[str, Drive]) -> None:
-    """Check the number of samples; raises ConfigError above MAX_SAMPLES."""
-    around = spec.rest_s + spec.watch_s
-    seconds = len(variants) * sum(
-        around + move.time_s + drive.delay_s for move in spec.move for drive in drives.values()
-    )
+def run_duration_s(spec: ServoSpec, delay_s: float) -> float:
+    """Sum the simulated time of one controller over all moves on one plant variant."""
+    around_s = spec.rest_s + spec.watch_s + delay_s
+    return sum(around_s + move.time_s for move in spec.move)
+
+
+def check_samples(spec: ServoSpec, seconds: float) -> None:
+    """Check the number of samples of a simulated time; raises ConfigError above MAX_SAMPLES."""
     samples, slower_s = seconds / spec.drive.period_s, seconds / MAX_SAMPLES
     if samples > MAX_SAMPLES:
         raise ConfigError(

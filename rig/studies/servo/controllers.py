@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rig.drives.servo.cascade import Cascade, CascadeController
-from rig.drives.servo.disturbance_design import LowPass, Nominal, ObserverDesign
+from rig.drives.servo.disturbance_design import ObserverDesign
 from rig.drives.servo.disturbance_observer import Compensated, DisturbanceObserver
 from rig.drives.servo.errors import ServoError
 from rig.drives.servo.estimator import Estimator, Noise, SampledEstimator, sampled_kalman
@@ -17,11 +17,13 @@ from rig.drives.servo.estimator import assign as assign_estimator
 from rig.drives.servo.feed_forward import LoadFilter, min_relative_degree
 from rig.drives.servo.loops import PolePair, oscillatory_pairs
 from rig.drives.servo.lqg import StateSpaceController
+from rig.drives.servo.nominal import LowPass, Nominal
 from rig.drives.servo.notch import Notch
 from rig.drives.servo.setpoint import DriveController, MotorSetpoint
 from rig.drives.servo.shaped_setpoint import ShapedSetpoint, design_shaper
 from rig.drives.servo.state_feedback import Feedback, assign, lq
 from rig.drives.servo.wiring import ControlLoop
+from rig.studies.servo.friction_option import compensate_friction
 from rig.studies.servo.spec import ServoSpec
 
 FILTER_DONE_SHARE = 1e-3  # band of the settling time of a filter, share of the step
@@ -67,7 +69,8 @@ class Shaped:
 
 def pid(spec: ServoSpec) -> Drive:
     """Build P on the position, PI on the speed and speed feed-forward: PID of source 001."""
-    return Drive(CascadeController(_cascade(spec), spec.drive.period_s))
+    controller = CascadeController(_cascade(spec), spec.drive.period_s)
+    return Drive(compensate_friction(spec, controller))
 
 
 def pid_ff(spec: ServoSpec) -> Drive:
@@ -76,11 +79,9 @@ def pid_ff(spec: ServoSpec) -> Drive:
     The state-space controllers have it too.
     """
     inertia = spec.pid.feed_forward * spec.joint.rigid_inertia_kg_m2
-    return Drive(
-        CascadeController(
-            replace(_cascade(spec), feed_forward_inertia_kg_m2=inertia), spec.drive.period_s
-        )
-    )
+    cascade = replace(_cascade(spec), feed_forward_inertia_kg_m2=inertia)
+    controller = CascadeController(cascade, spec.drive.period_s)
+    return Drive(compensate_friction(spec, controller))
 
 
 def pid_notch(spec: ServoSpec) -> Drive:
@@ -92,7 +93,8 @@ def pid_notch(spec: ServoSpec) -> Drive:
         f"a notch at {pair.frequency_rad_s:.1f} rad/s, damping {pair.damping:.3f}, "
         "upstream of the speed loop"
     )
-    return Drive(CascadeController(cascade, spec.drive.period_s, notch, "upstream"), note=note)
+    controller = CascadeController(cascade, spec.drive.period_s, notch, "upstream")
+    return Drive(compensate_friction(spec, controller), note=note)
 
 
 def pid_observer(spec: ServoSpec) -> Drive:
@@ -104,7 +106,8 @@ def pid_observer(spec: ServoSpec) -> Drive:
         inner, DisturbanceObserver(observer, spec.drive.period_s), spec.drive.torque_limit_n_m
     )
     time_ms = 1e3 * spec.compensators.observer_time_s
-    return Drive(compensated, note=f"T_f = {time_ms:g} ms, nominal model: the motor alone")
+    controller = compensate_friction(spec, compensated)
+    return Drive(controller, note=f"T_f = {time_ms:g} ms, nominal model: the motor alone")
 
 
 def pid_shaped(spec: ServoSpec) -> Drive:
@@ -112,7 +115,7 @@ def pid_shaped(spec: ServoSpec) -> Drive:
     cascade, period_s = _cascade(spec), spec.drive.period_s
     pair = _least_damped("pid_shaped", cascade.position_loop(spec.joint))
     shaper = design_shaper(spec.compensators.shaper, [pair], period_s)
-    inner = CascadeController(cascade, period_s)
+    inner = compensate_friction(spec, CascadeController(cascade, period_s))
     note = (
         f"{spec.compensators.shaper} for {pair.frequency_rad_s:.1f} rad/s, damping "
         f"{pair.damping:.3f}, the least damped pair of the position loop"
@@ -132,19 +135,25 @@ def assigned(spec: ServoSpec) -> Drive:
     estimator = assign_estimator(
         spec.joint, [complex(*pole) for pole in a.estimator_poles_1_s], period_s
     )
-    return Drive(_state_space(spec, feedback, estimator, "rigid"))
+    return Drive(compensate_friction(spec, _state_space(spec, feedback, estimator, "rigid")))
 
 
 def lqg(spec: ServoSpec) -> Drive:
     """Build LQ feedback and Kalman filter, with rigid feed-forward."""
-    return Drive(_state_space(spec, *_optimal(spec), "rigid"))
+    controller = _state_space(spec, *_optimal(spec), "rigid")
+    return Drive(compensate_friction(spec, controller))
 
 
 def lqg_ff(spec: ServoSpec) -> Drive:
     """Build lqg with the feed-forward pair C1, C2: the load follows the filter F0."""
+    import control
+
     load_filter = LoadFilter.binomial(min_relative_degree(spec.joint), spec.lqg.corner_rad_s)
     controller = _state_space(spec, *_optimal(spec), "dynamic", load_filter)
     note = f"F0 = 1 / (1 + s / {spec.lqg.corner_rad_s:g})^{load_filter.relative_degree}"
+    controller = compensate_friction(
+        spec, controller, control.tf(load_filter.numerator, load_filter.denominator)
+    )
     return Drive(controller, _settling_s(load_filter), lqg(spec).controller, note)
 
 

@@ -16,6 +16,8 @@ from rig.errors import RunFailed
 SETTLED_SPEED_SHARE = 0.01  # band of the settling time, share of the largest reference speed
 REST_SHARE = 0.2  # last share of the samples after the move, for the torque at rest
 LIMIT_SHARE = 0.999  # share of the torque limit; torque above it counts as limited
+CRUISE_SPEED_SHARE = 1.0 - 1e-6  # of the top speed of the reference: it counts as constant
+MIN_CRUISE_SAMPLES = 20
 ARRIVED_SHARE = 0.01  # final error of a load that reached its goal, share of the move
 
 
@@ -181,6 +183,19 @@ def move_metrics(
             * (r.t_s[1] - r.t_s[0])
         ),
     )
+
+
+def cruise_ripple_rad_s(recording: Recording) -> float | None:
+    """Compute the standard deviation of the load speed in the second half of the constant speed.
+
+    None for a move with less than MIN_CRUISE_SAMPLES at its top speed.
+    """
+    r = recording
+    speed = np.abs(r.reference_rad_s)
+    cruise = np.flatnonzero(speed >= CRUISE_SPEED_SHARE * speed.max())
+    if cruise.size < MIN_CRUISE_SAMPLES:
+        return None
+    return float(np.std(r.load_rad_s[cruise[cruise.size // 2 :]]))
 
 
 def _hold(bench: JointPlant, torque_n_m: float, period_s: float) -> None:

@@ -1,8 +1,7 @@
 """Torque disturbance observer on an elastic joint, versus its filter time constant.
 
-Source 001, torque disturbance observer (TDO). Q = 1 / (1 + s T_f), or Butterworth of a higher order
-with its corner at 1 / T_f; with the motor alone or the whole elastic joint as nominal model; for a
-stiff and an elastic load.
+Source 001, torque disturbance observer (TDO). Q = 1 / (1 + s T_f), or Butterworth of that corner;
+nominal model: the motor alone or the elastic joint; for a stiff and an elastic load.
 """
 
 from __future__ import annotations
@@ -14,9 +13,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from planners.trajectories.pieces import ComplexArray, FloatArray
-from rig.drives.servo.disturbance_design import LowPass, Nominal, ObserverDesign, Place, Ratio
+from rig.drives.servo.disturbance_design import ObserverDesign, Place
 from rig.drives.servo.errors import ServoError, check_datum
 from rig.drives.servo.loops import PolePair, oscillatory_pairs, pole_pairs
+from rig.drives.servo.nominal import LowPass, Nominal, Ratio
 from rig.drives.servo.two_mass import TwoMass
 from rig.studies.servo.joints import FITTED_NOTE
 

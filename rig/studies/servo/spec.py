@@ -16,13 +16,14 @@ from typing import Annotated, Any
 import msgspec
 from msgspec import Meta
 
+from planners.errors import unknown_name
 from planners.laws.trapezoidal import trapezoidal_by_acceleration
 from planners.trajectories.trajectory import Trajectory
 from rig.drives.servo.two_mass import TwoMass
 from rig.errors import ConfigError, RenamedKey
 from rig.run.toml_file import Section, convert, nearest, override, read_toml, rename_keys
 
-SHIPPED = "source_001"
+EXAMPLES = ("source_001", "low_speed_ripple")  # shipped files; the first by default
 NEW_NAMES = {"helpers": "compensators"}  # old name of a table, which still works, to new name
 MIN_MOVE_SAMPLES = 10
 # of [bench]
@@ -90,7 +91,7 @@ class JointModelSection(Section, frozen=True, kw_only=True):
     elastic_damping_n_m_s_rad: float = 0.0
 
 
-class DriveSection(Section, frozen=True, kw_only=True):
+class JointDriveSection(Section, frozen=True, kw_only=True):
     """`[drive]`: sample time, torque limit of the controllers, torque constant."""
 
     period_s: Annotated[float, Meta(gt=0, le=0.1)] = 0.001
@@ -153,15 +154,20 @@ class AssignedSection(Section, frozen=True, kw_only=True):
 
 
 class CompensatorsSection(Section, frozen=True, kw_only=True):
-    """`[compensators]`: blocks added to a P/PI cascade.
+    """`[compensators]`: blocks added to a P/PI cascade, and friction compensation.
 
-    In pid_notch, pid_observer and pid_shaped.
+    The blocks are those of pid_notch, pid_observer and pid_shaped; the friction compensation is
+    that of every controller, see rig.drives.servo.friction.
     """
 
     notch_damping: Share = 1.0  # damping ratio of its poles
     # the load oscillates with shorter ones in this cascade: damping ratio 0.10 at 5 ms
     observer_time_s: Positive = 0.02
     shaper: str = "zv"
+    friction_compensation: bool = False
+    friction_torque_share: Annotated[float, Meta(gt=0, le=1)] = 0.1  # of the torque limit
+    friction_time_s: Positive = 0.05  # time constant of the adaptation
+    friction_deadband_rad_s: Positive = 5.0  # of the motor's speed; 8192 counts at 1 ms: 0.8 rad/s
 
 
 class ServoSpec(Section, frozen=True, kw_only=True):
@@ -175,7 +181,7 @@ class ServoSpec(Section, frozen=True, kw_only=True):
     model: JointModelSection
     bench: dict[str, Any]
     truth: dict[str, dict[str, Any]] = msgspec.field(default_factory=lambda: {"bench": {}})
-    drive: DriveSection = DriveSection()
+    drive: JointDriveSection = JointDriveSection()
     pid: PidSection = PidSection()
     lqg: LqgSection = LqgSection()
     assigned: AssignedSection = AssignedSection()
@@ -222,13 +228,15 @@ class ServoSpec(Section, frozen=True, kw_only=True):
         return tables
 
 
-def read_spec(path: Path | None, overrides: Sequence[str] = ()) -> ServoSpec:
-    """Read the shipped comparison or a file, with `section.key=value` overrides.
+def read_spec(
+    path: Path | None, overrides: Sequence[str] = (), example: str = EXAMPLES[0]
+) -> ServoSpec:
+    """Read a file, or a shipped one of EXAMPLES, with `section.key=value` overrides.
 
-    Raises ConfigError naming section, key, value, bound and the nearest known key. Old names of
-    tables still work, with a RenamedKey warning.
+    Raises PlanError for an unknown example, ConfigError naming section, key, value, bound and the
+    nearest known key. Old names of tables still work, with a RenamedKey warning.
     """
-    tables = read_toml(path, "servo comparison") if path else _shipped()
+    tables = read_toml(path, "servo comparison") if path else _shipped(example)
     rename_keys(tables, NEW_NAMES)
     for change in overrides:
         override(tables, _with_new_name(change))
@@ -250,5 +258,7 @@ def _with_new_name(change: str) -> str:
     return f"{new}{dot}{rest}"
 
 
-def _shipped() -> dict[str, Any]:
-    return tomllib.loads((resources.files("rig.studies.servo") / f"{SHIPPED}.toml").read_text())
+def _shipped(name: str) -> dict[str, Any]:
+    if name not in EXAMPLES:
+        raise unknown_name("--example", name, EXAMPLES)
+    return tomllib.loads((resources.files("rig.studies.servo") / f"{name}.toml").read_text())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,10 +12,11 @@ from rich.progress import Progress
 
 from rig.errors import BAD_DATA, ConfigError
 from rig.studies.servo.compare import UNPUBLISHED_NOTE
+from rig.studies.servo.pareto import DEFAULT_POINTS, MAX_POINTS
 from rig.ui.cli import servo_compare_tables as tables
 from rig.ui.cli.common_options import AsJson
 from rig.ui.cli.output import print_json
-from rig.ui.cli.page import err, print_paragraph, print_written
+from rig.ui.cli.page import err, print_written
 
 if TYPE_CHECKING:
     from rig.drives.servo.loops import LoopAnalysis
@@ -36,20 +37,28 @@ def compare(
             metavar="SPEC.toml",
         ),
     ] = None,
+    example: Annotated[
+        str | None,
+        typer.Option(
+            help="Shipped comparison instead of a file: source_001, or low_speed_ripple (ripple "
+            "inside the band of the Kalman filter)."
+        ),
+    ] = None,
     controllers: Annotated[
-        str,
+        str | None,
         typer.Option(
             help="Controllers separated by commas, or all: pid, pid_ff, pid_notch, pid_observer, "
-            "pid_shaped, assigned, lqg, lqg_ff.",
+            f"pid_shaped, assigned, lqg, lqg_ff; {DEFAULT_CONTROLLERS} by default, all with "
+            "--pareto.",
         ),
-    ] = DEFAULT_CONTROLLERS,
+    ] = None,
     truth: Annotated[
-        str,
+        str | None,
         typer.Option(
             help="Plant variants (parameters of the simulated plant) of the file, "
-            "separated by commas, or all.",
+            "separated by commas, or all; all by default, the first with --pareto.",
         ),
-    ] = "all",
+    ] = None,
     changes: Annotated[
         list[str] | None,
         typer.Option(
@@ -63,7 +72,25 @@ def compare(
     ] = None,
     plot: Annotated[
         Path | None,
-        typer.Option(help="Figure file of the first plant variant: .svg, .png or .pdf."),
+        typer.Option(
+            help="Figure file of the first plant variant, or of --pareto: .svg, .png or .pdf."
+        ),
+    ] = None,
+    pareto: Annotated[
+        bool,
+        typer.Option(
+            "--pareto",
+            help="Residual vibration over peak sensitivity instead, along one knob a controller.",
+        ),
+    ] = False,
+    points: Annotated[
+        int | None,
+        typer.Option(
+            help=f"Values of each knob with --pareto, 2 to {MAX_POINTS}; "
+            f"{DEFAULT_POINTS} by default.",
+            min=2,
+            max=MAX_POINTS,
+        ),
     ] = None,
     as_json: AsJson = False,
 ) -> int:
@@ -71,23 +98,35 @@ def compare(
 
     Exit code 6 when no move settles.
     """
+    if points is not None and not pareto:
+        raise ConfigError(f"--points {points} without --pareto; must go with it: add --pareto")
     from rig.studies.servo.compare import analyse_drives, build_drives  # scipy is slow to import
     from rig.studies.servo.controllers import CONTROLLERS
-    from rig.studies.servo.spec import read_spec
 
     if plot is not None:
         from rig.ui.plots import picture_file
 
         picture_file.check(plot)
-    spec = read_spec(file, changes or ())
-    if seed is not None:
-        spec = msgspec.structs.replace(spec, seed=seed)
-    names = list(CONTROLLERS)
-    if controllers != "all":
-        names = _names("--controllers", controllers)
-    truths = list(spec.truth)
-    if truth != "all":
-        truths = _names("--truth", truth)
+    spec = _read(file, example, changes or (), seed)
+    if controllers is None:
+        controllers = "all" if pareto else DEFAULT_CONTROLLERS
+    if truth is None:
+        truth = next(iter(spec.truth)) if pareto else "all"
+    names = _names("--controllers", controllers, CONTROLLERS)
+    truths = _names("--truth", truth, spec.truth)
+    if pareto:
+        from rig.ui.cli.servo_pareto import TradeOffRequest, show_trade_off
+
+        return show_trade_off(
+            TradeOffRequest(
+                spec=spec,
+                variants=truths,
+                controllers=names,
+                points=points or DEFAULT_POINTS,
+                plot=plot,
+                as_json=as_json,
+            )
+        )
     drives = build_drives(spec, names)
     facts = analyse_drives(spec, drives)
     rows = _run_moves(spec, truths, drives, quiet=as_json)
@@ -96,26 +135,39 @@ def compare(
 
         first_variant = [row for row in rows if row.plant_variant == truths[0]]
         picture_file.save(draw_comparison(first_variant), plot)
-    verdict, reasons = _verdict(facts, rows)
     is_own_rig = any(change.startswith(OWN_RIG_SECTIONS) for change in changes or ())
-    notes = UNPUBLISHED_NOTE if file is None and not is_own_rig else ()
+    notes = UNPUBLISHED_NOTE if file is None and not example and not is_own_rig else ()
+    verdict, reasons = _verdict(facts, rows)
     if as_json:
         verdict_document = {"verdict": verdict, "reasons": reasons, "source_001": " ".join(notes)}
         print_json(tables.document(spec, facts, rows) | verdict_document)
     else:
         tables.print_designs(spec, facts, drives)
         tables.print_runs(rows, names)
-        if notes:
-            print_paragraph(" ".join(notes), "dim")
-        tables.print_ranking(rows, names, facts)
-        for reason in reasons:
-            print_paragraph(reason, "red", "  ")
+        tables.print_conclusions(rows, names, facts, notes, reasons)
         print_written(plot)
     return BAD_DATA if verdict == "bad" else 0
 
 
-def _names(option: str, text: str) -> list[str]:
-    """Split a comma list, each name once; raises ConfigError for an empty one."""
+def _read(
+    file: Path | None, example: str | None, changes: Sequence[str], seed: int | None
+) -> ServoSpec:
+    """Read the specification; raises ConfigError for a file and an example together."""
+    from rig.studies.servo.spec import EXAMPLES, read_spec
+
+    if file is not None and example is not None:
+        raise ConfigError(f"SPEC.toml and --example {example}; must be one of them: remove one")
+    spec = read_spec(file, changes, example or EXAMPLES[0])
+    return spec if seed is None else msgspec.structs.replace(spec, seed=seed)
+
+
+def _names(option: str, text: str, known: Iterable[str]) -> list[str]:
+    """Split a comma list, each name once; all known ones for `all`.
+
+    Raises ConfigError for an empty list.
+    """
+    if text == "all":
+        return list(known)
     words = list(dict.fromkeys(word.strip() for word in text.split(",") if word.strip()))
     if not words:
         raise ConfigError(

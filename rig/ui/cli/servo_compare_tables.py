@@ -77,6 +77,8 @@ def document(
 def _row_document(
     spec: ServoSpec, row: ControllerRun, rows: Sequence[ControllerRun]
 ) -> dict[str, Any]:
+    from rig.studies.servo.move_on_bench import cruise_ripple_rad_s
+
     k = spec.drive.torque_constant_n_m_a
     return {
         "truth": row.plant_variant,
@@ -85,6 +87,7 @@ def _row_document(
         "controller": row.controller,
         "late_s": row.delay_s,
         **row.outcome._asdict(),
+        "speed_ripple_rad_s": cruise_ripple_rad_s(row.recording),
         "residual_of_the_first": residual_ratio(row, rows),
         "integration_error_rad": row.recording.integration_error_rad,
         "peak_current_a": row.outcome.peak_torque_n_m / k if k else None,
@@ -202,6 +205,21 @@ def _add_run(
         f"{o.rms_torque_n_m:.3f}",
         f"{o.rest_torque_n_m:.3f}",
     )
+
+
+def print_conclusions(
+    rows: Sequence[ControllerRun],
+    names: Sequence[str],
+    facts: Mapping[str, LoopAnalysis],
+    notes: Sequence[str],
+    reasons: Sequence[str],
+) -> None:
+    """Print the notes, the ranking, and the reasons of a verdict that is not good."""
+    if notes:
+        print_paragraph(" ".join(notes), "dim")
+    print_ranking(rows, names, facts)
+    for reason in reasons:
+        print_paragraph(reason, "red", "  ")
 
 
 def print_ranking(

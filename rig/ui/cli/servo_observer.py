@@ -105,8 +105,8 @@ def _time_constants_s(text: str) -> tuple[float, ...]:
 
 def _check(nominal_inertia: float | None, order: int) -> None:
     """Check inertia and order; raises ServoError."""
-    from rig.drives.servo.disturbance_design import MAX_FILTER_ORDER
     from rig.drives.servo.errors import check_range
+    from rig.drives.servo.nominal import MAX_FILTER_ORDER
 
     if nominal_inertia is not None:
         check_range(

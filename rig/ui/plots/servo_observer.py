@@ -10,8 +10,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rig.drives.servo.disturbance_design import Nominal, Place
+from rig.drives.servo.disturbance_design import Place
 from rig.drives.servo.loops import oscillatory_pairs
+from rig.drives.servo.nominal import Nominal
 from rig.studies.servo.observer import ObserverTask, printed_poles_1_s, torque_step_response
 from rig.studies.servo.observer_damping import (
     TimeConstantRanges,

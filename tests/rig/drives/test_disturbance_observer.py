@@ -14,10 +14,11 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from rig.drives.servo.cascade import Cascade, CascadeController
-from rig.drives.servo.disturbance_design import LowPass, Nominal, ObserverDesign
+from rig.drives.servo.disturbance_design import ObserverDesign
 from rig.drives.servo.disturbance_observer import Compensated, DisturbanceObserver
 from rig.drives.servo.errors import BeyondNyquist, Improper, ServoError
 from rig.drives.servo.loops import oscillatory_pairs, pole_pairs
+from rig.drives.servo.nominal import LowPass, Nominal
 from rig.drives.servo.setpoint import MotorSetpoint
 from rig.drives.servo.two_mass import TwoMass
 
