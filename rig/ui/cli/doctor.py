@@ -9,8 +9,9 @@ import typer
 from rich.text import Text
 
 from rig.errors import REFUSED, ConfigError
-from rig.run.config import NetworkSection
+from rig.run.config import NetworkSection, read_experiment
 from rig.run.doctor import examine
+from rig.ui.cli import completion
 from rig.ui.cli.common_options import AsJson
 from rig.ui.cli.output import print_json
 from rig.ui.cli.page import Column, boxed_table, err, print_paragraph, print_table
@@ -24,15 +25,23 @@ def doctor(
         "runs"
     ),
     base_port: Annotated[int, typer.Option(help="First port to check; 0: any free ports.")] = 0,
+    experiment: Annotated[
+        str | None,
+        typer.Option(
+            help="Experiment whose CAN interface and node are checked too, where it has a drive.",
+            autocompletion=completion.experiments,
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> int:
-    """Check ports, disk, versions, timer and imported packages.
+    """Check ports, disk, versions, timer, imported packages and the field bus of an experiment.
 
     Exit code 3 when a run would fail.
     """
     network = _network(base_port)
+    chosen = None if experiment is None else read_experiment(experiment, [])
     with err.status("checking ports, disk, versions, and the timer for three seconds"):
-        examined = examine(runs, network)
+        examined = examine(runs, network, experiment=chosen)
     checks = examined.findings
     failed = [c for c in checks if c.status == "failed"]
     if as_json:

@@ -8,7 +8,7 @@ from __future__ import annotations
 EXAMPLES = {
     "doctor": (
         "doctor",
-        "doctor --base-port 47000 --json",
+        "doctor --experiment move --json",
     ),
     "plan": (
         "plan --planner zv --time 2 --length 0.98",
@@ -76,7 +76,7 @@ EXAMPLES = {
     ),
     "servo compare": (
         "servo compare --controllers pid,lqg --truth listed",
-        "servo compare --set drive.period_s=0.0005 --plot moves.svg",
+        "servo compare --pareto --points 3 --plot front.svg",
     ),
     "servo notch": (
         "servo notch",
@@ -105,5 +105,21 @@ EXAMPLES = {
     "calibrate offsets": (
         "calibrate offsets --virtual",
         "calibrate offsets --experiment free_decay --virtual --out camera.toml",
+    ),
+    "can": (
+        "can scan",
+        "can monitor --seconds 2",
+    ),
+    "can scan": (
+        "can scan",
+        "can scan --interface socketcan --channel can0 --bitrate 500000",
+    ),
+    "can monitor": (
+        "can monitor --seconds 2",
+        "can monitor --from last --dbc run --count 100",
+    ),
+    "can sdo": (
+        "can sdo 1 6064",
+        "can sdo 1 6065 20000 --type u32 --interface socketcan --channel can0",
     ),
 }

@@ -12,7 +12,7 @@ import msgspec
 from rich.table import Table
 
 from rig.analysis.conclusion import Conclusion
-from rig.analysis.summary import QUANTITIES, LinkSummary, Quantities, Summary
+from rig.analysis.summary import QUANTITIES, FieldBus, LinkSummary, Quantities, Summary
 from rig.ui.cli.page import (
     Column,
     boxed_table,
@@ -133,6 +133,8 @@ def _status_lines(s: Summary) -> list[str]:
     ]
     if s.cpu_share:
         lines.append(_processor_line(s))
+    if s.field_bus is not None:
+        lines.append(_field_bus_line(s.field_bus))
     if s.swing_error.outside_move_rad is not None:
         lines.append(_swing_error_line(s))
     return lines
@@ -164,6 +166,17 @@ def _processor_line(s: Summary) -> str:
     fifo = [name for name, policy in s.scheduling.items() if policy == "fifo"]
     real_time = ", ".join(fifo) or "none"
     return f"processor load: {total:.0%} of one core ({shares}); real-time tasks: {real_time}"
+
+
+def _field_bus_line(bus: FieldBus) -> str:
+    sync = ""
+    if bus.sync_period_s is not None and bus.sync_jitter_s is not None:
+        sync = f", SYNC every {bus.sync_period_s * 1e3:.2f} ± {bus.sync_jitter_s * 1e3:.2f} ms"
+    state = "; a sender went bus-off" if bus.bus_off else ""
+    return (
+        f"field bus: {bus.frames} frames, load {bus.load:.1%} to {bus.load_stuffed:.1%} of the bit "
+        f"rate{sync}; {bus.errors} corrupted frames repeated{state}"
+    )
 
 
 def _swing_error_line(s: Summary) -> str:

@@ -22,6 +22,7 @@ class VerbRow(NamedTuple):
 
     target: str  # "module:name" of a function, or of a typer.Typer with commands of its own
     help: str  # the line in the list of verbs
+    has_signed_argument: bool = False  # a number such as -5, which is no option
 
 
 VERBS = {
@@ -57,6 +58,7 @@ VERBS = {
     ),
     "study": VerbRow("rig.ui.cli.study:app", "Repeat an experiment over many settings."),
     "calibrate": VerbRow("rig.ui.cli.calibrate:app", "Make the calibration files of the tracker."),
+    "can": VerbRow("rig.ui.cli.can:app", "Look at a CANopen field bus and its nodes."),
 }
 
 SERVO_VERBS = {
@@ -81,6 +83,14 @@ STUDY_VERBS = {
         "rig.ui.cli.study_dropouts:dropouts",
         "Compare the interpolator policies under lost references.",
     ),
+}
+
+CAN_VERBS = {
+    "scan": VerbRow("rig.ui.cli.can_scan:scan", "List the nodes of a bus with their identity."),
+    "monitor": VerbRow(
+        "rig.ui.cli.can_monitor:monitor", "Show the frames of a bus, a log or a trace file."
+    ),
+    "sdo": VerbRow("rig.ui.cli.can_sdo:sdo", "Read an object of a node, or write it.", True),
 }
 
 
@@ -130,12 +140,20 @@ class StudyGroup(LazyGroup):
     path = "study"
 
 
+class CanGroup(LazyGroup):
+    """Group of `rig can`."""
+
+    verbs = CAN_VERBS
+    path = "can"
+
+
 def load(name: str, verb: VerbRow, path: str = "") -> Any:
     """Import a verb and make its command; path: the words before the verb, below `rig`."""
     module, _, attribute = verb.target.partition(":")
     found = getattr(import_module(module), attribute)
     command = get_group(found) if isinstance(found, typer.Typer) else _command_of(found)
     command.name = name
+    command.ignore_unknown_options = verb.has_signed_argument
     _add_examples(command, f"{path} {name}".strip())
     return command
 

@@ -6,7 +6,7 @@ import shlex
 import pytest
 
 from rig.ui.cli.examples import EXAMPLES
-from rig.ui.cli.verbs import SERVO_VERBS, STUDY_VERBS, VERBS, load
+from rig.ui.cli.verbs import CAN_VERBS, SERVO_VERBS, STUDY_VERBS, VERBS, load
 
 QUICK = (  # verbs whose examples need neither an earlier run nor more than a second or two
     "plan",
@@ -20,6 +20,7 @@ QUICK = (  # verbs whose examples need neither an earlier run nor more than a se
     "servo observer",
     "servo shaping",
 )
+GROUPS = {"servo": SERVO_VERBS, "study": STUDY_VERBS, "can": CAN_VERBS}
 BRIEF = "--no-report --set experiment.quiet_s=0.6 --set experiment.watch_s=2.5"
 
 
@@ -27,8 +28,8 @@ def commands():
     """Every command by its words below `rig`."""
     found = {}
     pending = [(name, load(name, verb)) for name, verb in VERBS.items()]
-    for group, verbs in (("servo", SERVO_VERBS), ("study", STUDY_VERBS)):
-        pending += [(f"{group} {name}", load(name, verb, group)) for name, verb in verbs.items()]
+    for group, verbs in GROUPS.items():
+        pending += [(f"{group} {name}", load(name, row, group)) for name, row in verbs.items()]
     while pending:
         words, command = pending.pop()
         found[words] = command

@@ -6,7 +6,9 @@ from importlib import import_module
 
 import pytest
 
-from rig.ui.cli.verbs import SERVO_VERBS, STUDY_VERBS, VERBS
+from rig.ui.cli.verbs import CAN_VERBS, SERVO_VERBS, STUDY_VERBS, VERBS
+
+ROWS = [row for table in (VERBS, SERVO_VERBS, STUDY_VERBS, CAN_VERBS) for row in table.values()]
 
 HEAVY = (
     "numpy",
@@ -15,6 +17,9 @@ HEAVY = (
     "matplotlib",
     "control",
     "mcap",
+    "can",
+    "canopen",
+    "cantools",
     "planners.problem",
     "vision.tracker",
 )
@@ -37,7 +42,8 @@ main()
 
 
 @pytest.mark.parametrize(
-    "words", [("--help",), ("--version",), ("servo", "--help"), ("study", "--help")]
+    "words",
+    [("--help",), ("--version",), ("servo", "--help"), ("study", "--help"), ("can", "--help")],
 )
 def test_help_loads_no_numerical_library(words):
     assert modules_after(*words).isdisjoint(HEAVY)
@@ -57,11 +63,7 @@ def test_no_verb_loads_another_verb():
     assert loaded.isdisjoint({"rig.studies.dropouts", "rig.ui.cli.run", "matplotlib", "scipy"})
 
 
-@pytest.mark.parametrize(
-    "verb",
-    [*VERBS.values(), *SERVO_VERBS.values(), *STUDY_VERBS.values()],
-    ids=lambda v: v.target,
-)
+@pytest.mark.parametrize("verb", ROWS, ids=lambda v: v.target)
 def test_every_row_of_the_tables_leads_to_a_verb_with_an_imperative_help(verb):
     module, _, attribute = verb.target.partition(":")
     assert getattr(import_module(module), attribute) is not None
