@@ -10,12 +10,14 @@ import typer
 from planners.errors import unknown_name
 from rig.errors import REFUSED, ConfigError
 from rig.run.toml_file import read_toml
+from rig.studies.sizing.axis_experiment import experiment_text
 from rig.studies.sizing.axis_file import EXAMPLES, Sizing, example_tables, sizing_of
 from rig.studies.sizing.judgement import document, judge
 from rig.ui.cli.common_options import AsJson
 from rig.ui.cli.output import print_json
 from rig.ui.cli.page import print_written
 from rig.ui.cli.size_tables import print_tables
+from rig.ui.plots.picture_file import check_folder
 
 
 def size(
@@ -53,6 +55,13 @@ def size(
         Path | None,
         typer.Option(help="Figure file of diameters, leads and catalogue: .svg, .png or .pdf."),
     ] = None,
+    experiment: Annotated[
+        Path | None,
+        typer.Option(
+            help="Experiment file to write: `rig run` then moves a load on this axis.",
+            metavar="FILE.toml",
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> int:
     """Check speed, buckling, life, lead, stiffness and motor of a ball-screw axis.
@@ -74,11 +83,14 @@ def size(
         from rig.ui.plots.screw_chart import draw_region
 
         picture_file.save(draw_region(sizing.axis, result.found, result.judged), plot)
+    if experiment is not None:
+        check_folder("--experiment", experiment)
+        experiment.write_text(experiment_text(result))
     if as_json:
         print_json(document(result))
     else:
         print_tables(result, every, published)
-        print_written(plot)
+        print_written(plot, experiment)
     return 0 if result.admissible else REFUSED
 
 
