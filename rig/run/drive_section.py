@@ -46,6 +46,8 @@ class AxisDriveSection(Section, frozen=True, kw_only=True):
     speed_loop_rad_s: Positive = 400.0  # crossover of the speed loop of the cascade
     position_loop_rad_s: Positive = 60.0  # crossover of its position loop
     quick_stop_m_s2: Positive = 20.0
+    # of node and master; two missing ones stop the axis, three end the run
+    heartbeat_ms: Annotated[int, Meta(ge=10, le=1000)] = 20
     following_error_mm: Positive = 5.0  # of the drive itself
 
     @property

@@ -23,6 +23,7 @@ def drive_settings(drive: AxisDriveSection, envelope: Envelope) -> DriveSettings
         acceleration_units_per_m_s2=per_m,
         quick_stop_m_s2=drive.quick_stop_m_s2,
         sync_ns=drive.sync_ms * MS,
+        heartbeat_ns=drive.heartbeat_ms * MS,
         lower_m=envelope.position_min_m,
         upper_m=envelope.position_max_m,
         following_error_m=drive.following_error_mm * 1e-3,

@@ -26,6 +26,7 @@ BRIEF = [
     "experiment.watch_s=0.3",
     "move.distance_m=0.1",
     "move.time_s=1.2",
+    "drive.heartbeat_ms=400",
     *PATIENT,
 ]
 SYNC, RPDO, TPDO, BEAT_OF_MASTER, BEAT_OF_NODE = 0x080, 0x201, 0x181, 0x77F, 0x701
@@ -57,8 +58,8 @@ def test_a_move_over_the_bus_ends_well_and_every_frame_is_accounted_for(
     assert down[RPDO] > 200
     assert abs(down[SYNC] - down[RPDO]) <= 1
     assert 0 <= down[SYNC] - up[TPDO] <= 40  # the bench closes before the master
-    assert down[BEAT_OF_MASTER] > 50
-    assert up[BEAT_OF_NODE] > 50
+    assert down[BEAT_OF_MASTER] > 3
+    assert up[BEAT_OF_NODE] > 3
     truth = log.log.read("/truth", Truth)
     assert truth[-1].position_m[0] == pytest.approx(0.1, abs=2e-5)
 

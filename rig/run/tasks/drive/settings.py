@@ -31,5 +31,13 @@ class DriveSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     following_error_m: float = 0.005  # of the drive
     sync_ns: int = 5 * MS
     heartbeat_ns: int = 20 * MS  # of node and master
-    silent_ns: int = 60 * MS  # of the node, then the drive is taken for lost
-    setpoint_stale_ns: int = 100 * MS
+
+    @property
+    def silent_ns(self) -> int:
+        """Silence of the node after which the drive is taken for lost."""
+        return 3 * self.heartbeat_ns
+
+    @property
+    def setpoint_stale_ns(self) -> int:
+        """Longest time without a setpoint while the run goes on."""
+        return 5 * self.heartbeat_ns
