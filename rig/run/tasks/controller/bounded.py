@@ -117,11 +117,24 @@ class Bounded:
         if not self._is_on_plan:
             room_m = min(room_m, self._workspace.room_m(start, full))
             rounding_m_s = 0.0
-        stops_m_s = stopping_speed_m_s(room_m, self._change_m_s, duration_s)
+        stops_m_s = self._stopping_speed_m_s(room_m, duration_s)
         bound_m_s = min(stops_m_s, self._speed_m_s)
         if needed_m_s <= bound_m_s + rounding_m_s:
             return full
         return scaled(full, bound_m_s / needed_m_s)
+
+    def _stopping_speed_m_s(self, room_m: float, duration_s: float) -> float:
+        """Compute the largest speed from which braking ends within room_m.
+
+        After a window that a pause cut short, faster ticks before it still bound the braking.
+        """
+        stops_m_s = stopping_speed_m_s(room_m, self._change_m_s, duration_s)
+        top_m_s = max(math.hypot(*velocity) for velocity in self._past)
+        is_whole = duration_s > WINDOW_S - 0.5 * TICK_S
+        if is_whole or top_m_s <= stops_m_s:
+            return stops_m_s
+        left_m = room_m - braking_distance_m(top_m_s, self._change_m_s)
+        return max(0.0, left_m / duration_s)
 
     def _share_in_reach(self, wanted: Velocity) -> float:
         """Compute the share of the change to the wanted velocity that every past tick allows."""
