@@ -27,8 +27,10 @@ test: $(READY)
 	$(THREADS) $(BIN)/python -m pytest -n 2 --dist loadgroup
 
 # the same tests with the oldest versions that pyproject.toml admits, but for those that these cannot change: commands
-# of the README, long trials, and physics in plain Python
-OLDEST_LEAVES_OUT := $(addprefix --ignore=tests/,test_readme_commands.py test_endurance.py sim_rig/test_ball_screw_axis.py sim_rig/test_elastic_joint.py)
+# of the README, long trials, runs in real time, and physics in plain Python
+OLDEST_LEAVES_OUT := $(addprefix --ignore=tests/,test_readme_commands.py test_endurance.py sim_rig/test_ball_screw_axis.py \
+  sim_rig/test_elastic_joint.py rig/run/test_wall_loop.py rig/run/test_drive_wall.py rig/run/test_drive_faults.py \
+  rig/run/test_envelope.py rig/studies/test_servo_friction.py rig/studies/test_servo_pareto.py)
 test-oldest: pyproject.toml constraints-oldest.txt
 	$(PYTHON) -m venv $(OLDEST)
 	$(OLDEST)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints-oldest.txt -e '.[tests]'
