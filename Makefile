@@ -30,7 +30,8 @@ test: $(READY)
 # of the README, long trials, runs in real time, and physics in plain Python
 OLDEST_LEAVES_OUT := $(addprefix --ignore=tests/,test_readme_commands.py test_endurance.py sim_rig/test_ball_screw_axis.py \
   sim_rig/test_elastic_joint.py rig/run/test_wall_loop.py rig/run/test_drive_wall.py rig/run/test_drive_faults.py \
-  rig/run/test_envelope.py rig/studies/test_servo_friction.py rig/studies/test_servo_pareto.py)
+  rig/run/test_drive_bench.py rig/run/test_envelope.py rig/studies/test_dropouts.py rig/studies/test_servo_friction.py \
+  rig/studies/test_servo_pareto.py rig/ui/test_help.py rig/ui/test_report_in_browser.py)
 test-oldest: pyproject.toml constraints-oldest.txt
 	$(PYTHON) -m venv $(OLDEST)
 	$(OLDEST)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints-oldest.txt -e '.[tests]'
