@@ -39,6 +39,7 @@ class Bounded:
         self._goal: Reference | None = None
         self._goal_velocity = ZERO
         self._is_met = False  # the goal was reached once
+        self._is_goal_planned = False
         # the window goes from a reference to that of 30 ms later, which is inside the envelope
         self._is_on_plan = False
 
@@ -78,8 +79,10 @@ class Bounded:
         if old is not None:
             dt_ns = newest.t_target_ns - old.t_target_ns
             self._goal_velocity = rate(old.position_m, newest.position_m, dt_ns * 1e-9)
-            self._is_on_plan = is_planned and self._is_met and dt_ns == WINDOW_NS
+            are_planned = is_planned and self._is_goal_planned
+            self._is_on_plan = are_planned and self._is_met and dt_ns == WINDOW_NS
         self._goal = newest
+        self._is_goal_planned = is_planned
         self._is_met = False
 
     def _plan(self, ticks: int) -> None:
