@@ -10,10 +10,11 @@ from __future__ import annotations
 import select
 import socket
 import struct
-import time
 from typing import Any
 
 import can
+
+from comms.clock import epoch_now_ns
 
 NODES = 8
 LAST_PORT = 65_536 - NODES  # of a channel
@@ -61,7 +62,8 @@ class UdpUnicastBus(can.BusABC):
         """Send a frame to every other bus object of the channel."""
         flags = EXTENDED * msg.is_extended_id | REMOTE * msg.is_remote_frame
         flags |= ERROR * msg.is_error_frame
-        data = _FRAME.pack(msg.arbitration_id, flags, msg.dlc, time.time(), bytes(msg.data))
+        sent_s = epoch_now_ns() * 1e-9
+        data = _FRAME.pack(msg.arbitration_id, flags, msg.dlc, sent_s, bytes(msg.data))
         for address in self._others:
             try:
                 self._socket.sendto(data, address)
