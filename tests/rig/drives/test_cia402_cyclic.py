@@ -1,6 +1,8 @@
 """Cyclic synchronous modes, supervision and units."""
 
 import math
+import random
+from itertools import pairwise
 
 import pytest
 from hypothesis import given
@@ -59,7 +61,7 @@ def test_a_late_sync_holds_the_last_target():
     assert demands[-1].velocity == 0.0
 
 
-def test_an_early_sync_causes_no_jump():
+def test_an_early_sync_causes_no_jump_and_keeps_the_grid():
     bench = cyclic(8)
     cycle(bench, 400)
     bench.send(0x405, b"\x0f\0" + (800).to_bytes(4, "little"))
@@ -67,7 +69,37 @@ def test_an_early_sync_causes_no_jump():
     bench.sync()
     bench.t_ns += MS
     positions = [d.position for d in bench.run(4)]
-    assert positions == pytest.approx([300 + 500 * k / 4 for k in (1, 2, 3, 4)])
+    assert positions == pytest.approx([400, 500, 600, 700], abs=0.1)
+
+
+def test_jitter_of_the_sync_does_not_show_in_the_speed():
+    """The first late target moves the grid; the later ones come before they are due."""
+    interpolator = LinearInterpolator()
+    rng = random.Random(5)
+    arrivals_ns = [k * MS + rng.randrange(MS) for k in range(1, 2001)]
+    values = []
+    for t_ns in range(0, 2000 * MS, MS):
+        while arrivals_ns and arrivals_ns[0] < t_ns:
+            interpolator.aim(float(2000 - len(arrivals_ns)), arrivals_ns.pop(0), MS)
+        values.append(interpolator.value_at(t_ns))
+    speeds = [b - a for a, b in pairwise(values[200:])]
+    assert max(speeds) < 1.02
+    assert min(speeds) > 0.8
+    assert values[-1] > 2000 - 4, "the drive is at most four targets behind the master"
+
+
+def test_a_burst_of_targets_is_reached_two_periods_later():
+    interpolator = LinearInterpolator()
+    for target in (1.0, 2.0, 3.0, 4.0):
+        interpolator.aim(target, 10 * MS, MS)
+    assert interpolator.value_at(12 * MS) == 4.0
+    assert interpolator.value_at(20 * MS) == 4.0
+
+
+def test_a_torque_offset_goes_with_its_target():
+    bench = cyclic(8)
+    bench.write(0x60B2, 30)
+    assert [d.torque for d in bench.run(3)] == [0.0, 30.0, 30.0], "on the way to the target"
 
 
 def test_targets_without_sync_are_interpolated_from_their_write_on():

@@ -45,26 +45,25 @@ class _CyclicMode:
     def __init__(self, axis: DriveAxis) -> None:
         self._axis = axis
         self._interpolator = LinearInterpolator()
-        self._last_sum = 0
+        self._last_inputs = (0, 0)
 
     def reset(self) -> None:
         """Forget the target."""
         self._interpolator.hold(0.0)
-        self._last_sum = 0
+        self._last_inputs = (0, 0)
 
     def enter(self) -> None:
         """Start from the demand; a target written before is valid from the next SYNC on."""
         self._interpolator.hold(self._start_value())
-        self._last_sum = self._sum()
+        self._last_inputs = self._inputs()
 
     def on_control_word(self, word: int, previous: int) -> None:
         """No command of its own."""
 
     def on_sync(self, t_ns: int) -> None:
         """Make the target valid at t_ns [ns]."""
-        self._last_sum = self._sum()
-        target = self._last_sum * self._scale()
-        self._interpolator.aim(target, t_ns, self._period_ns())
+        self._last_inputs = target, torque = self._inputs()
+        self._interpolator.aim(target * self._scale(), t_ns, self._period_ns(), torque)
 
     def status_bits(self) -> int:
         """Bit 12: the drive follows the target; 0 while a limit is active."""
@@ -74,13 +73,15 @@ class _CyclicMode:
 
     def _value(self) -> float:
         """Interpolated value of this sample."""
-        if self._sum() != self._last_sum:
+        if self._inputs() != self._last_inputs:
             self.on_sync(self._axis.t_ns)  # written without a SYNC
         return self._interpolator.value_at(self._axis.t_ns)
 
-    def _sum(self) -> int:
+    def _inputs(self) -> tuple[int, int]:
+        """Target with its offset, and torque offset."""
         dictionary = self._axis.dictionary
-        return dictionary.get(self.indices.target) + dictionary.get(self.indices.offset)
+        target = dictionary.get(self.indices.target) + dictionary.get(self.indices.offset)
+        return target, dictionary.get(TORQUE_OFFSET)
 
     def _period_ns(self) -> int:
         """Interpolation period [ns]; its exponent is -6 to -1, so it is exact."""
@@ -114,7 +115,7 @@ class CyclicPosition(_CyclicMode):
         if axis.dt_s > 0.0:
             self._approach(target)
         velocity_offset = axis.velocity_of(VELOCITY_OFFSET)
-        torque = float(axis.dictionary.get(TORQUE_OFFSET))
+        torque = self._interpolator.feed_forward_at(axis.t_ns)
         demand = axis.demand("position", torque=torque)
         return demand._replace(velocity=demand.velocity + velocity_offset)
 
@@ -148,7 +149,7 @@ class CyclicVelocity(_CyclicMode):
         acceleration = (velocity - last) / axis.dt_s if axis.dt_s > 0.0 else 0.0
         axis.follow_actual()
         axis.velocity = velocity
-        torque = float(axis.dictionary.get(TORQUE_OFFSET))
+        torque = self._interpolator.feed_forward_at(axis.t_ns)
         return axis.demand("velocity", acceleration, torque)
 
     def _start_value(self) -> float:
