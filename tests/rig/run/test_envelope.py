@@ -229,8 +229,14 @@ def test_short_pauses_keep_speed_and_the_way(
     A plan that brakes hard into the very end of the workspace may be stopped by the gate instead.
     """
     sent, reports = sent_ticks(places, Fate([(1, 1, False)], pauses))
-    assert peaks(sent)[0] <= SPEED_M_S + 1e-5
-    assert reports == []
+    speed_m_s, acceleration_m_s2 = peaks(sent)
+    assert speed_m_s <= SPEED_M_S + 1e-5
+    if reports:
+        assert [report.text.split(":")[0] for report in reports] == ["setpoint gate"]
+        assert abs(places[-1][0]) > ENVELOPE.position_max_m - NEAR_AN_END_M
+        assert acceleration_m_s2 <= 1.05 * ACCELERATION_M_S2
+        assert len({sent[tick] for tick in sorted(sent)[-20:]}) == 1, "it has come to rest"
+        return
     assert sent[max(sent)] == pytest.approx(places[-1], abs=1e-9)
 
 
