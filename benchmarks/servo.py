@@ -15,8 +15,8 @@ from scipy.integrate import solve_ivp
 
 from benchmarks.timing import interpreter_line, median_s
 from rig.drives.servo.setpoint import DriveController, MotorSetpoint
+from rig.run.joint.controllers import CONTROLLERS, lqg
 from rig.studies.servo import bench
-from rig.studies.servo.controllers import CONTROLLERS, lqg
 from rig.studies.servo.spec import ServoSpec, read_spec
 
 STEPS = 2000

@@ -6,6 +6,7 @@ same packets.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Annotated
 
 import msgspec
@@ -30,6 +31,11 @@ class LinkFaults(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     burst: Annotated[int, Meta(ge=1, le=1000)] = 1  # packets lost in a row
     # share of frames corrupted on a field bus, which repeats them; 1/9 leads to bus-off
     corrupt: Annotated[float, Meta(ge=0, lt=1)] = 0.0
+
+
+def longest_delay_ns(faults: Iterable[LinkFaults]) -> int:
+    """Find the longest delay that the links of a run may add; 0 without any."""
+    return round(max((one.delay_ms + one.jitter_ms for one in faults), default=0.0) * MS)
 
 
 class LinkModel:

@@ -18,6 +18,8 @@ class PlanRecord(msgspec.Struct, frozen=True, kw_only=True):
     positions_m: list[Position]
     metrics: dict[str, float | bool] | None
     period_ns: int = 10_000_000  # of the grid
+    angle_rad: float | None = None  # of the load of an elastic joint, in place of distance_m
+    controller_delay_s: float = 0.0  # intended delay of its controller behind the plan
 
     @property
     def duration_s(self) -> float:

@@ -18,6 +18,34 @@ MAX_BATCH_STEPS = 1000  # steps whose velocities are in memory at the same time
 Pull = Callable[[float], float]  # force [N] along +X, of the acceleration [m/s^2] along +X
 
 
+class SimulatedPlant(Protocol):
+    """Plant of a run at time `t_ns`: what moves, and what it carries."""
+
+    t_ns: int
+
+    @property
+    def position_m(self) -> Position:
+        """Position of the platform."""
+
+    @property
+    def velocity_m_s(self) -> Velocity:
+        """Velocity of the platform."""
+
+    @property
+    def angle_rad(self) -> float:
+        """Angle of the load."""
+
+    @property
+    def angular_velocity_rad_s(self) -> float:
+        """Angular velocity of the load."""
+
+    def set_setpoint(self, position_m: Position) -> None:
+        """Set the setpoint of the drives, where they take one of position."""
+
+    def advance(self, t_ns: int) -> None:
+        """Integrate to exactly t_ns; raises ValueError if it is in the past."""
+
+
 class MovingPlatform(Protocol):
     """Platform that carries the load."""
 

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-MOVING_M_S = 1e-3
+MOVING = 1e-3  # speed of the load [m/s or rad/s]
 POWER_STAGE_CODE = 0x2310  # continuous over-current (CiA 402)
 
 
@@ -16,12 +16,14 @@ class DriveFault(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     """Fault of `[[bench.drive_faults]]`.
 
     node_reset: the node restarts. drive_fault: the power stage reports over-current. encoder_step:
-    the encoder reads step_m more from then on. silent: the node sends nothing for duration_s.
+    the encoder reads step_m of travel, or step_rad of the motor, more from then on. silent: the
+    node sends nothing for duration_s.
     """
 
     kind: Literal["node_reset", "drive_fault", "encoder_step", "silent"]
     after_motion_s: Annotated[float, Meta(ge=0.0, le=3600.0)]
     step_m: Annotated[float, Meta(ge=-1.0, le=1.0)] = 0.0
+    step_rad: Annotated[float, Meta(ge=-1e4, le=1e4)] = 0.0
     duration_s: Annotated[float, Meta(ge=0.0, le=3600.0)] = 1.0
 
 
@@ -33,15 +35,16 @@ class FaultSchedule:
         self._moved_ns: int | None = None
         self._silent_until_ns = -1
         self.step_m = 0.0
+        self.step_rad = 0.0
 
     def is_silent(self, t_ns: int) -> bool:
         """Tell if the node sends nothing."""
         return t_ns < self._silent_until_ns
 
-    def due(self, t_ns: int, velocity_m_s: float) -> list[DriveFault]:
+    def due(self, t_ns: int, speed: float) -> list[DriveFault]:
         """Return the faults that begin at t_ns."""
         if self._moved_ns is None:
-            if not self._coming or abs(velocity_m_s) < MOVING_M_S:
+            if not self._coming or abs(speed) < MOVING:
                 return []
             self._moved_ns = t_ns
         begun = []
@@ -51,5 +54,6 @@ class FaultSchedule:
                 self._silent_until_ns = t_ns + round(fault.duration_s * 1e9)
             elif fault.kind == "encoder_step":
                 self.step_m += fault.step_m
+                self.step_rad += fault.step_rad
             begun.append(fault)
         return begun

@@ -61,7 +61,24 @@ class DisturbancePulse(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
 Pulses = Annotated[tuple[DisturbancePulse, ...], Meta(description="give DisturbancePulse objects")]
 
 
-class Joint(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+# constants from which all five printed modes of source 001 follow
+FITTED = {
+    "load_inertia_kg_m2": 2.8736758,
+    "motor_friction_n_m_s_rad": 0.0034839632,
+    "load_friction_n_m_s_rad": 4.9173636,
+    "stiffness_n_m_rad": 3.1682276,
+    "elastic_damping_n_m_s_rad": 0.0033101368,
+}
+PARAMETER_SETS: dict[str, dict[str, float]] = {"listed": {}, "fitted": FITTED}
+
+
+class Joint(
+    msgspec.Struct,
+    frozen=True,
+    kw_only=True,
+    forbid_unknown_fields=True,
+    omit_defaults=True,  # JSON has no infinity
+):
     """Two masses and a spring; ripple, friction and sensor errors are 0 by default.
 
     Raises ValueError naming key, value, bound and next step; also for a mode faster than

@@ -15,6 +15,7 @@ from comms.messages import Position
 from sim_rig.ball_screw_params import BallScrewParams
 from sim_rig.drive_faults import DriveFault
 from sim_rig.input_check import InputBounds
+from sim_rig.joint_params import Joint
 
 
 class PendulumParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -75,6 +76,7 @@ class BenchParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     camera: CameraParams = CameraParams()
     view: View = View()
     axis: BallScrewParams | None = None  # along X, in place of the robot
+    joint: Joint | None = None  # in place of robot and load
     drive_faults: tuple[DriveFault, ...] = ()  # of its drive
     home_m: Position = (0.0, 0.0, 0.0)  # home position, before the camera
     seed: Annotated[int, Meta(ge=0)] = 0  # of the image noise

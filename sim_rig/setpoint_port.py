@@ -8,7 +8,7 @@ from comms.channels import MS
 from comms.messages import Message, Phase, Position, Setpoint, Velocity, axis_state
 from comms.replies import Replies
 from comms.task import Send
-from sim_rig.bench import Bench
+from sim_rig.bench import SimulatedPlant
 from sim_rig.input_check import InputCheck
 from sim_rig.params import BenchParams
 
@@ -48,20 +48,20 @@ class SetpointPort:
         """Return the instant of the next reading; setpoints are served then, too."""
         return self._tick_ns
 
-    def read(self, t_ns: int, bench: Bench) -> None:
+    def read(self, t_ns: int, bench: SimulatedPlant) -> None:
         """Read the encoders where that is due."""
         if t_ns == self._tick_ns:
             self.late += self._reading is not None
             self._reading = t_ns, bench.position_m, bench.velocity_m_s
             self._tick_ns += TICK_NS
 
-    def apply(self, t_ns: int, bench: Bench) -> list[Send]:
+    def apply(self, t_ns: int, bench: SimulatedPlant) -> list[Send]:
         """Give the drives the setpoint that they sample now."""
         while self._setpoints and self._setpoints[0][0] == t_ns:
             bench.set_setpoint(self._setpoints.popleft()[1])
         return []
 
-    def take(self, message: Message, t_ns: int, bench: Bench) -> list[Send]:
+    def take(self, message: Message, t_ns: int, bench: SimulatedPlant) -> list[Send]:
         """Queue a setpoint; stop at the one before where it is outside the bounds."""
         if not isinstance(message, Setpoint) or self.phase is Phase.FAULT:
             return []

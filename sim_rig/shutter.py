@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_rig.bench import Bench
+from sim_rig.bench import SimulatedPlant
 from sim_rig.camera import CableLine, Pinhole
 from sim_rig.params import BenchParams
 from sim_rig.renderer import Renderer
@@ -52,7 +52,7 @@ class Shutter:
         """End of the current exposure, or of the next one."""
         return self._start_ns + self.exposure_ns
 
-    def sample(self, bench: Bench) -> Exposure | None:
+    def sample(self, bench: SimulatedPlant) -> Exposure | None:
         """Sample the cable at `next_ns`: start, middle or end of an exposure.
 
         The end gives the exposure with its image.

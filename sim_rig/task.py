@@ -13,13 +13,14 @@ from comms.channels import MS
 from comms.messages import Command, Frame, LinkMotion, Message, Phase, Truth
 from comms.replies import Replies
 from comms.task import NO_STEP, Send, Step
-from sim_rig.bench import Bench
+from sim_rig.bench import Bench, SimulatedPlant
 from sim_rig.params import BenchParams
 from sim_rig.setpoint_port import SetpointPort
 from sim_rig.shutter import Exposure, Shutter
 
-MakeBench = Callable[[int], Bench]  # of the start time [ns]
+MakeBench = Callable[[int], SimulatedPlant]  # of the start time [ns]
 TRUTH_NS = 10 * MS
+JOINT_TRUTH_NS = MS  # of an elastic joint, whose load oscillates at 17 Hz
 # longest simulated time in one call, to bound the number of frames; the next wake is immediate
 MAX_CATCH_UP_NS = 250 * MS
 NEVER_NS = 2**63
@@ -41,13 +42,13 @@ class RobotPort(Protocol):
     def wake_ns(self) -> int:
         """Return the next instant at which the task must be awake for the port."""
 
-    def read(self, t_ns: int, bench: Bench) -> None:
+    def read(self, t_ns: int, bench: SimulatedPlant) -> None:
         """Take a reading that is due at t_ns, before anything changes there."""
 
-    def apply(self, t_ns: int, bench: Bench) -> list[Send]:
+    def apply(self, t_ns: int, bench: SimulatedPlant) -> list[Send]:
         """Apply what takes effect at t_ns; return what is sent because of it."""
 
-    def take(self, message: Message, t_ns: int, bench: Bench) -> list[Send]:
+    def take(self, message: Message, t_ns: int, bench: SimulatedPlant) -> list[Send]:
         """Take a message that arrived at t_ns; the bench may still be before that instant."""
 
     def flush(self, t_ns: int) -> list[Send]:
@@ -79,6 +80,7 @@ class BenchTask:
         self._replies = Replies(self.name)
         self._port: RobotPort = port or SetpointPort(params, self._replies)
         self._truth_ns = 0
+        self._truth_period_ns = TRUTH_NS if params.joint is None else JOINT_TRUTH_NS
         self._sent: Counter[str] = Counter()
 
     @property
@@ -91,7 +93,7 @@ class BenchTask:
         self._bench = self._make_bench(t_ns)
         if self._shutter is not None:
             self._shutter.begin(t_ns)
-        self._truth_ns = t_ns + -t_ns % TRUTH_NS
+        self._truth_ns = t_ns + -t_ns % self._truth_period_ns
         self._port.begin(t_ns)
         return self.on_tick(t_ns)
 
@@ -125,7 +127,7 @@ class BenchTask:
             bench.advance(max(due_ns, bench.t_ns))
             port.read(due_ns, bench)
             if due_ns == self._truth_ns:
-                self._truth_ns += TRUTH_NS
+                self._truth_ns += self._truth_period_ns
                 sends.append(Send("truth", self._truth(due_ns), t_ns))
             if shutter and due_ns == shutter_ns and (exposure := shutter.sample(bench)):
                 sends.append(Send("frame_1", self._frame(exposure, shutter.exposure_ns), t_ns))

@@ -5,6 +5,7 @@ A value that cannot be determined is None. A verdict other than good has its rea
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from rig.analysis import delays, quantities, verdict
 from rig.analysis.field_bus import field_bus
 from rig.analysis.identify.decay import DecayFit, fit_decay
 from rig.analysis.identify.errors import AnalysisError
+from rig.analysis.joint import joint_run
 from rig.analysis.motion import motion_peaks
 from rig.analysis.run_log import RunLog
 from rig.analysis.summary import LinkSummary, Summary
@@ -29,7 +31,10 @@ class RunAnalysis:
         """
         self.run = RunLog.open(path)
         self.fit, self.fit_failure = _fit(self.run)
+        self.joint = joint_run(self.run)
         self.summary = _summary(self.run, self.fit)
+        if self.joint is not None:
+            self.summary.joint = self.joint.figures
         self.summary.running_s = running_s
         verdict.add_verdict(self.summary, self.run, self.fit_failure)
 
@@ -81,6 +86,7 @@ def _summary(run: RunLog, fit: DecayFit | None) -> Summary:
         lateness=delays.lateness(run),
         motion=motion_peaks(run),
         field_bus=field_bus(run),
+        move_deg=None if run.plan.angle_rad is None else math.degrees(run.plan.angle_rad),
         frames=len(angles),
         angles_valid=sum(a.valid for a in angles),
         refusals=dict(Counter(a.reason.value for a in angles if not a.valid)),

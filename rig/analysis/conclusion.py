@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 
 from rig.analysis.run_log import RunLog
-from rig.analysis.summary import Summary
+from rig.analysis.summary import JointFigures, Summary
 
 AS_PLANNED_RAD = 0.3e-3  # a residual swing this close to the planned one is as planned
 EXPLAINED_REL = 0.25  # of the measured residual swing: error of a prediction that explains it
@@ -53,6 +53,8 @@ def conclude(run: RunLog, summary: Summary) -> Conclusion:
     if summary.verdict == "bad":
         reason = summary.reasons[0] if summary.reasons else f"exit status {summary.exit_status}"
         return Conclusion(sentence=f"The run gave no valid result: {reason}.")
+    if summary.joint is not None:
+        return Conclusion(sentence=_joint_sentence(summary.joint))
     error_m = _length_error_m(run, summary)
     setting = None if error_m is None else _setting(summary)
     command = f"{repeat_command(run, summary)} {setting.option}" if setting else ""
@@ -100,6 +102,17 @@ def _length_error_m(run: RunLog, summary: Summary) -> float | None:
 def _setting(summary: Summary) -> Setting:
     length_m = summary.measured.cable_length_m or 0.0
     return Setting(section="model", key="length_m", value=f"{length_m:.{LENGTH_DIGITS}f}")
+
+
+def _joint_sentence(joint: JointFigures) -> str:
+    share = joint.residual_measured
+    sentence = (
+        f"Under {joint.controller} the load keeps {share:.1%} ± {joint.residual_sigma:.1%} of its "
+        "top speed after the move, by its accelerometer"
+    )
+    if joint.settled_s is None:
+        return f"{sentence}."
+    return f"{sentence}; it is at rest {joint.settled_s * 1e3:.0f} ms after the end."
 
 
 def _free_decay_sentence(run: RunLog, summary: Summary, error_m: float | None) -> str:

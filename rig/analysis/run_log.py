@@ -200,6 +200,8 @@ class RunLog:
     @property
     def true_omega_rad_s(self) -> float | None:
         """Small-amplitude natural frequency of the simulated load [rad/s]; None on a real rig."""
+        if self.plan.angle_rad is not None:
+            return None  # an elastic joint
         load = self.plant_params.get("pendulum")
         return math.sqrt(load["gravity_m_s2"] / load["length_m"]) if load else None
 

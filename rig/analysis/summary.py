@@ -159,6 +159,27 @@ class FieldBus(msgspec.Struct, kw_only=True):
     sync_jitter_s: float | None  # half the range
 
 
+class JointFigures(msgspec.Struct, kw_only=True):
+    """Figures of the move of an elastic joint, see MoveMetrics; true ones are None on a real rig.
+
+    Shares are of the largest reference speed; the residual is that of the load after the move.
+    """
+
+    controller: str
+    residual_measured: float  # share, from the accelerometer
+    residual_sigma: float  # share: noise of the accelerometer, integrated over the move
+    residual: float | None = None  # share, true
+    settled_s: float | None = None  # from the end of the reference; None if never
+    speed_error: float | None = None  # share, rms over the run
+    overshoot_deg: float | None = None
+    final_error_deg: float | None = None
+    arrived: bool | None = None
+    peak_torque_n_m: float = 0.0
+    rms_torque_n_m: float = 0.0
+    rest_torque_n_m: float = 0.0
+    at_limit_s: float = 0.0  # time at the torque limit
+
+
 class Summary(msgspec.Struct, kw_only=True):
     """Summary of a run."""
 
@@ -185,6 +206,8 @@ class Summary(msgspec.Struct, kw_only=True):
     lateness: Lateness = msgspec.field(default_factory=Lateness)
     motion: MotionPeaks = msgspec.field(default_factory=MotionPeaks)
     field_bus: FieldBus | None = None  # of a run with a drive
+    joint: JointFigures | None = None  # of a run of an elastic joint
+    move_deg: float | None = None  # of its load
     frames: int = 0
     angles_valid: int = 0
     refusals: dict[str, int] = {}  # frames without an angle, by reason
@@ -201,4 +224,7 @@ class Summary(msgspec.Struct, kw_only=True):
         """One-line description of the run."""
         if self.move_time_s == 0:
             return f"{self.experiment}: watched, no move"
+        if self.move_deg is not None:
+            controller = f"{self.joint.controller}, " if self.joint else ""
+            return f"{self.experiment}: {controller}{self.move_deg:g}° in {self.move_time_s:g} s"
         return f"{self.experiment}: {self.planner}, {self.move_m:g} m in {self.move_time_s:g} s"

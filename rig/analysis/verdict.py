@@ -41,6 +41,8 @@ def _defects(summary: Summary, run: RunLog, fit_failure: str) -> list[str]:
     if summary.exit_status != "ok":
         if not summary.reasons and not defects:
             defects.append(f"the run ended with exit status '{summary.exit_status}'")
+    elif summary.move_deg is not None and summary.joint is None:
+        defects.append("the move of the joint is not in the log to its end")
     elif run.facts.rate_hz and fit_failure:
         defects.append(f"no swing could be fitted: {fit_failure}")
     return defects
@@ -68,6 +70,12 @@ def _doubts(summary: Summary, run: RunLog) -> list[str]:
             f"(policy {motion.policy}): {motion.asked_text}"
         )
     doubts += [f"no count from {end}: its packets cannot be balanced" for end in run.uncounted]
+    joint = summary.joint
+    if joint is not None and joint.arrived is False:
+        doubts.append(
+            f"the load of the joint ended {joint.final_error_deg:.3g} degrees off its goal of "
+            f"{summary.move_deg:g}; must be within 1 %: look at torque limit and controller"
+        )
     late = summary.lateness
     too_late = late.references_late > MAX_LATE_SHARE * late.references
     if too_late and run.facts.reference_delay_ms * 1e6 < MAX_REFERENCE_LATENESS_NS:

@@ -19,7 +19,8 @@ from comms.link import LinkFaults
 from comms.udp import is_loopback
 from rig.errors import ConfigError
 from rig.run import links
-from rig.run.drive_section import AxisDriveSection, CanSection
+from rig.run.drive_section import AxisDriveSection, CanSection, DriveSection
+from rig.run.joint.sections import JointSection
 from rig.run.toml_file import (
     Section,
     convert,
@@ -41,7 +42,7 @@ class ExperimentSection(Section, frozen=True, kw_only=True):
     """`[experiment]`: name and kind of the run, planner, quiet and watched time."""
 
     name: Name
-    kind: Literal["move", "free_decay"] = "move"
+    kind: Literal["move", "free_decay", "joint"] = "move"
     planner: str = "matrix_exponential"
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 1
     quiet_s: Annotated[float, Meta(ge=0, le=600)] = 3.5
@@ -222,12 +223,18 @@ class Experiment(Section, frozen=True, kw_only=True):
     record: RecordSection = RecordSection()
     can: CanSection = CanSection()
     drive: AxisDriveSection = AxisDriveSection()
+    joint: JointSection | None = None  # of the kind joint
     bench: BenchSection = BenchSection()
 
     @property
+    def node(self) -> DriveSection:
+        """Drive on the field bus."""
+        return self.drive if self.joint is None else self.joint.drive
+
+    @property
     def has_move(self) -> bool:
-        """True when the platform moves in this run."""
-        return self.experiment.kind == "move"
+        """True when platform or joint moves in this run."""
+        return self.experiment.kind != "free_decay"
 
 
 def shipped() -> list[str]:

@@ -17,6 +17,7 @@ from rig.errors import ConfigError, Refused
 from rig.run import runs
 from rig.run.config import Experiment
 from rig.run.job import Job, plan_move, prepare
+from rig.run.joint_job import prepare_joint
 from rig.run.load_model import planner_model
 from rig.run.runtime import bench
 from rig.run.runtime.execute import ClockMode, Progress, RunOutcome, execute
@@ -48,9 +49,13 @@ def run(
 
     Raises ConfigError or Refused when the run must not start; the folder exists only once it may.
     """
-    plan = plan_move(experiment, stopwatch_s)  # model of the load -> motion
-    # checks of limits, workspace and envelope; settings of each task
-    job = prepare(experiment, plan, bench.plant(experiment), motion)
+    plan = None
+    if experiment.experiment.kind == "joint":
+        job = prepare_joint(experiment, bench.plant(experiment))
+    else:
+        plan = plan_move(experiment, stopwatch_s)  # model of the load -> motion
+        # checks of limits, workspace and envelope; settings of each task
+        job = prepare(experiment, plan, bench.plant(experiment), motion)
     job = msgspec.structs.replace(job, command=command)
     before(job, plan)
     folder = runs.new_folder(runs_folder, experiment.experiment.name, mode, utc_now())

@@ -19,9 +19,10 @@ from planners.trajectories.motion import Motion
 from rig.errors import ConfigError, Refused
 from rig.run.calibration import file as calibration_file
 from rig.run.config import Experiment
-from rig.run.drive_section import NodeSettings
 from rig.run.drive_settings import drive_settings
 from rig.run.load_model import planner_model
+from rig.run.node_settings import NodeSettings
+from rig.run.tasks import run_out
 from rig.run.tasks.controller.task import ControllerSettings
 from rig.run.tasks.safety import Envelope, Gate
 from rig.run.tasks.streamer import PERIOD_NS, StreamerSettings
@@ -40,6 +41,7 @@ class Job(msgspec.Struct, frozen=True, kw_only=True):
     calibration_name: str
     calibration: calibration_file.Calibration | None
     settings: dict[str, Any]  # by task name
+    stop_ns: int = 0  # longest time of a stop
     command: str = ""  # as typed, for the log; "" where no terminal started the run
 
     def attachments(self) -> dict[str, bytes]:
@@ -48,15 +50,15 @@ class Job(msgspec.Struct, frozen=True, kw_only=True):
         calibration = b""
         if self.calibration:
             calibration = calibration_file.text(self.calibration).encode()
-        return {
+        files = {
             "experiment.json": encode(self.experiment),
             "plan.json": encode(self.plan),
             "bench.json": encode(_plant(self.settings["bench"])),
             "drive.json": encode(self.settings.get("drive")),
-            "controller.json": encode(self.settings["controller"]),
-            "vision.json": encode(self.settings["vision"]),
             "calibration.toml": calibration,
         }
+        present = (name for name in ("controller", "vision") if name in self.settings)
+        return files | {f"{name}.json": encode(self.settings[name]) for name in present}
 
 
 class Plant(NamedTuple):
@@ -140,6 +142,7 @@ def prepare(
         calibration_name=name,
         calibration=calibration,
         settings=settings,
+        stop_ns=run_out.duration_ns(envelope),
     )
 
 

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from matplotlib.figure import Figure
+
 from rig.analysis.analyze import RunAnalysis
 from rig.analysis.conclusion import Conclusion, conclude, repeat_command
 from rig.analysis.quantities import model_quantities
 from rig.analysis.summary import QUANTITIES, Quantities, Summary
 from rig.run.runs import REPORT
+from rig.ui.joint_rows import joint_rows
 from rig.ui.plots import run as run_plots
 from rig.ui.plots.inline_svg import inline_svg
+from rig.ui.plots.joint import joint_figures
 from rig.ui.report_camera import camera_figure
 from rig.ui.report_page import Html, element, join, page, table, trusted
 from rig.ui.report_parameters import parameter_rows
@@ -19,6 +23,11 @@ NOISE_NOTE = (
     "±: one standard deviation of the noise. Not included: a camera pitch of 1 degree reduces the "
     "measured swing by 0.5 %."
 )
+JOINT_NOTE = (
+    "The load's speed is the integral of its accelerometer, less the bias at rest, as in source "
+    "001. ±: one standard deviation of its noise, integrated to the end of the recording."
+)
+JOINT_HEADS = ("quantity", "by the accelerometer", "true")
 QUANTITY_HEADS = ("quantity", "model", "planned", "measured ± noise", "true")
 SWINGS = ("peak_swing_rad", "residual_swing_rad")  # what losses change
 LEDGER_HEADS = (
@@ -51,6 +60,7 @@ def write(folder: Path, analysis: RunAnalysis, twin: RunAnalysis | None = None) 
         element("div", story, parameters, class_="columns first"),
         element("div", *_plots(analysis, twin), class_="columns"),
         _delays(s),
+        _field_bus(s),
         _ledger(s),
         _events(s),
     )
@@ -75,6 +85,8 @@ def _head(s: Summary, conclusion: Conclusion) -> Html:
 def _quantities(analysis: RunAnalysis) -> Html:
     """Model, planned, measured and true values side by side."""
     s = analysis.summary
+    if s.move_deg is not None:
+        return join(table(JOINT_HEADS, joint_rows(s)), element("p", JOINT_NOTE, class_="note"))
     model = model_quantities(analysis.run)
     truth = s.truth or Quantities()
     rows = []
@@ -128,18 +140,45 @@ def _parameters(analysis: RunAnalysis) -> Html:
 
 def _plots(analysis: RunAnalysis, twin: RunAnalysis | None) -> list[Html]:
     twin_run = twin.run if twin is not None else None
+    if analysis.joint is not None:
+        return [_figure(name, figure) for name, figure in joint_figures(analysis.joint)]
+    if analysis.summary.move_deg is not None:
+        return []
     parts = []
     for name, figure in run_plots.all_figures(analysis.run, analysis.fit, twin_run):
-        svg = trusted(inline_svg(figure, name))
-        title = element("h2", name.capitalize())
-        parts.append(element("section", title, element("figure", svg)))
+        parts.append(_figure(name, figure))
     camera = camera_figure(analysis.run)
     if camera is not None:
         parts.append(element("section", element("h2", "Camera image"), camera))
     return parts
 
 
+def _figure(name: str, figure: Figure) -> Html:
+    svg = trusted(inline_svg(figure, name))
+    return element("section", element("h2", name.capitalize()), element("figure", svg))
+
+
+def _field_bus(s: Summary) -> Html:
+    """Load, rhythm and errors of the field bus."""
+    bus = s.field_bus
+    if bus is None:
+        return join()
+    period = "-"
+    if bus.sync_period_s is not None and bus.sync_jitter_s is not None:
+        period = f"{bus.sync_period_s * 1e3:.3f} ± {bus.sync_jitter_s * 1e3:.3f} ms"
+    rows = [
+        ("frames", f"{bus.frames}"),
+        ("load, without stuff bits / with the most", f"{bus.load:.1%} / {bus.load_stuffed:.1%}"),
+        ("period of the SYNC, median ± half the range", period),
+        ("corrupted frames, repeated", f"{bus.errors}"),
+        ("a sender went bus-off", "yes" if bus.bus_off else "no"),
+    ]
+    return join(element("h2", "Field bus"), table(("quantity", "value"), rows))
+
+
 def _delays(s: Summary) -> Html:
+    if s.move_deg is not None:
+        return join()
     d = s.latency_ms
     late = s.lateness
     error = s.swing_error

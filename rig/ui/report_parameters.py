@@ -5,6 +5,7 @@ A log may be of another version: what it lacks is "not recorded".
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -67,6 +68,8 @@ def _duration(run: RunLog, summary: Summary) -> str:
 
 
 def _model(run: RunLog, tables: Any) -> str:
+    if run.plan.angle_rad is not None:
+        return _joint_model(value_at(tables, "joint", "model"))
     if run.facts.is_chain:
         links = value_at(tables, "model", "links")
         return f"chain, links length:mass:kind {links}"
@@ -74,8 +77,16 @@ def _model(run: RunLog, tables: Any) -> str:
     return f"cable {facts.cable_length_m:g} m, damping ratio {facts.damping_ratio:g}"
 
 
+def _joint_model(model: Any) -> str:
+    if not isinstance(model, dict):
+        return NOT_RECORDED
+    return ", ".join(f"{key} {value}" for key, value in model.items())
+
+
 def _planner(run: RunLog, tables: Any) -> str:
     plan = run.plan
+    if plan.angle_rad is not None:
+        return f"{plan.planner}: {math.degrees(plan.angle_rad):g}° in {plan.time_s:g} s"
     if plan.time_s == 0.0:
         return "none: no move"
     words = [f"{plan.planner}: {plan.distance_m:g} m in {plan.time_s:g} s"]
@@ -93,6 +104,8 @@ def _planner(run: RunLog, tables: Any) -> str:
 
 
 def _limits(run: RunLog, tables: Any) -> str:
+    if run.plan.angle_rad is not None:
+        return f"torque {number_at(tables, 'joint', 'drive', 'torque_limit_n_m')} N m"
     metrics = run.plan.metrics or {}
     words = []
     for name, key, metric, unit in LIMITS:

@@ -12,7 +12,7 @@ from comms.can_bus import AUTO, MULTICAST, UNICAST, CanSettings
 from rig.errors import ConfigError, Refused
 from rig.run import operator_file
 from rig.run.config import read_experiment
-from rig.run.drive_section import AxisDriveSection
+from rig.run.drive_section import DriveSection
 from rig.run.toml_file import nearest
 
 DEFAULT_BITRATE = CanSettings().bitrate
@@ -34,7 +34,7 @@ class BusChoice(NamedTuple):
 
     settings: CanSettings
     run: Path | None = None
-    drive: AxisDriveSection | None = None  # of the experiment that names the bus
+    drive: DriveSection | None = None  # of the experiment that names the bus
 
     @property
     def name(self) -> str:
@@ -140,7 +140,7 @@ def _of_experiment(options: BusOptions, name: str) -> BusChoice:
             channel=section.channel,
             bitrate=options.bitrate or section.bitrate,
         )
-        return BusChoice(settings, run_on(settings, options.runs), experiment.drive)
+        return BusChoice(settings, run_on(settings, options.runs), experiment.node)
     running = running_buses(options.runs)
     if not running:
         raise Refused(

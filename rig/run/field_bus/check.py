@@ -23,7 +23,7 @@ def check_field_bus(experiment: Experiment) -> list[Finding]:
         CanSettings(interface=section.interface, channel=section.channel, bitrate=section.bitrate)
     )
     is_simulated = experiment.bench.kind == "simulated"
-    node_id = experiment.drive.node_id
+    node_id = experiment.node.node_id
     try:
         with open_bus(settings) as bus:
             findings = [Finding(INTERFACE, "ok", _interface_text(settings, section.interface))]

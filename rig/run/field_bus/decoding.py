@@ -11,7 +11,7 @@ from cantools.database import Database
 from cantools.database.namedsignalvalue import NamedSignalValue
 
 from rig.errors import ConfigError
-from rig.run.drive_section import AxisDriveSection
+from rig.run.drive_section import DriveSection
 from rig.run.field_bus.names import database, function_name
 
 SIGNIFICANT_DIGITS = 6
@@ -43,7 +43,7 @@ class Decoder:
         self._names = names
 
     @classmethod
-    def of_drive(cls, drive: AxisDriveSection) -> Decoder:
+    def of_drive(cls, drive: DriveSection) -> Decoder:
         """Make the decoder of a run with a drive."""
         return cls(database(drive))
 

@@ -6,7 +6,7 @@ COB-IDs: predefined connection set of CiA 301. PDOs: the mapping of rig/run/task
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from cantools.database import Database
@@ -17,7 +17,7 @@ from cantools.database.namedsignalvalue import NamedSignalValue
 from rig.drives.cia402 import frames
 from rig.drives.cia402.nmt import NmtCommand, NmtState
 from rig.drives.cia402.signals import PERMILLE
-from rig.run.drive_section import AxisDriveSection
+from rig.run.drive_section import ACCELERATION_UNIT_RAD_S2, DriveSection, JointNodeSection
 from rig.run.tasks.drive import start_up
 
 MASTER, DRIVE = "master", "drive"
@@ -56,7 +56,7 @@ class FrameRow(NamedTuple):
     signals: tuple[SignalRow, ...] = ()
 
 
-def frame_rows(drive: AxisDriveSection) -> list[FrameRow]:
+def frame_rows(drive: DriveSection) -> list[FrameRow]:
     """List the frames of a run with one drive, by identifier."""
     node = drive.node_id
     heartbeat = (SignalRow("nmt_state", 0, 8, choices=NODE_STATES),)
@@ -65,8 +65,10 @@ def frame_rows(drive: AxisDriveSection) -> list[FrameRow]:
         FrameRow(frames.SYNC, "sync", MASTER, 0),
         FrameRow(frames.EMERGENCY + node, "emergency", DRIVE, 8, _emergency()),
         FrameRow(start_up.TPDO_MOTION + node, "tpdo1", DRIVE, 8, _motion(drive)),
-        FrameRow(start_up.RPDO + node, "rpdo1", MASTER, 6, _target(drive)),
-        FrameRow(start_up.TPDO_STATUS + node, "tpdo2", DRIVE, 4, _status(drive)),
+        FrameRow(start_up.RPDO + node, "rpdo1", MASTER, _bytes(_target(drive)), _target(drive)),
+        FrameRow(
+            start_up.TPDO_STATUS + node, "tpdo2", DRIVE, _bytes(_status(drive)), _status(drive)
+        ),
         FrameRow(frames.SDO_RESPONSE + node, "sdo_response", DRIVE, 8, _sdo()),
         FrameRow(frames.SDO_REQUEST + node, "sdo_request", MASTER, 8, _sdo()),
         FrameRow(frames.HEARTBEAT + node, "heartbeat", DRIVE, 1, heartbeat),
@@ -75,14 +77,14 @@ def frame_rows(drive: AxisDriveSection) -> list[FrameRow]:
     return sorted(rows)
 
 
-def database(drive: AxisDriveSection) -> Database:
+def database(drive: DriveSection) -> Database:
     """Make the database of cantools from the table."""
     messages = [_message(row) for row in frame_rows(drive)]
     nodes = [Node(MASTER), Node(DRIVE)]
     return Database(messages=messages, nodes=nodes, version="")
 
 
-def dbc_text(drive: AxisDriveSection) -> str:
+def dbc_text(drive: DriveSection) -> str:
     """Write the table as a DBC file."""
     return database(drive).as_dbc_string()
 
@@ -98,6 +100,10 @@ def function_name(can_id: int, is_extended: bool = False) -> str:
     name = FUNCTIONS.get(can_id & FUNCTION_MASK)
     node = can_id & NODE_MASK
     return f"{name} {node}" if name and node else ""
+
+
+def _bytes(signals: Sequence[SignalRow]) -> int:
+    return max(signal.start + signal.length for signal in signals) // 8
 
 
 def _nmt() -> tuple[SignalRow, ...]:
@@ -124,28 +130,42 @@ def _sdo() -> tuple[SignalRow, ...]:
     )
 
 
-def _target(drive: AxisDriveSection) -> tuple[SignalRow, ...]:
-    scale_m = 1.0 / drive.increments_per_m
+def _target(drive: DriveSection) -> tuple[SignalRow, ...]:
+    scale = 1.0 / drive.increments_per_unit
     return (
         SignalRow("control_word", 0, 16),
-        SignalRow("target_position", 16, 32, True, scale_m, "m"),
+        SignalRow("target_position", 16, 32, True, scale, drive.unit),
+        *_torque_offset(drive),
     )
 
 
-def _motion(drive: AxisDriveSection) -> tuple[SignalRow, ...]:
-    scale_m = 1.0 / drive.increments_per_m  # increments/s are the unit of velocity
+def _torque_offset(drive: DriveSection) -> tuple[SignalRow, ...]:
+    if not isinstance(drive, JointNodeSection):
+        return ()
+    return (SignalRow("torque_offset", 48, 16, True, drive.rated_torque_n_m / PERMILLE, "N m"),)
+
+
+def _motion(drive: DriveSection) -> tuple[SignalRow, ...]:
+    scale = 1.0 / drive.increments_per_unit  # increments/s are the unit of velocity
     return (
-        SignalRow("position", 0, 32, True, scale_m, "m"),
-        SignalRow("velocity", 32, 32, True, scale_m, "m/s"),
+        SignalRow("position", 0, 32, True, scale, drive.unit),
+        SignalRow("velocity", 32, 32, True, scale, f"{drive.unit}/s"),
     )
 
 
-def _status(drive: AxisDriveSection) -> tuple[SignalRow, ...]:
+def _status(drive: DriveSection) -> tuple[SignalRow, ...]:
     scale_n_m = drive.rated_torque_n_m / PERMILLE
     return (
         SignalRow("status_word", 0, 16),
         SignalRow("torque", 16, 16, True, scale_n_m, "N m"),
+        *_load_acceleration(drive),
     )
+
+
+def _load_acceleration(drive: DriveSection) -> tuple[SignalRow, ...]:
+    if not isinstance(drive, JointNodeSection):
+        return ()
+    return (SignalRow("load_acceleration", 32, 32, True, ACCELERATION_UNIT_RAD_S2, "rad/s2"),)
 
 
 def _message(row: FrameRow) -> Message:

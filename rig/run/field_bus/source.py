@@ -14,7 +14,7 @@ from comms.clock import Clock
 from comms.errors import LogError
 from comms.mcap_log import read_log
 from rig.errors import ConfigError
-from rig.run.drive_section import AxisDriveSection
+from rig.run.drive_section import DriveSection
 from rig.run.field_bus.bus_choice import DEFAULT_BITRATE, BusChoice, BusOptions, choose_bus
 from rig.run.field_bus.decoding import Decoder
 from rig.run.field_bus.exchange import RECEIVE_S, BusFailed
@@ -29,7 +29,7 @@ class FrameSource(NamedTuple):
 
     name: str
     bitrate: int
-    drive: AxisDriveSection | None  # of the run, whose names its frames have
+    drive: DriveSection | None  # of the run, whose names its frames have
     frames: Iterable[can.Message]
     zero_s: float | None  # stamp that is shown as 0; None: that of the first frame
     damage: str = ""  # of the log
@@ -53,7 +53,7 @@ def logged_source(name: str, options: BusOptions) -> FrameSource:
         return trace_source(Path(name), options.bitrate)
     traffic = read_traffic(name, options.runs)
     bitrate = options.bitrate or traffic.bus.can.bitrate
-    drive = traffic.bus.drive
+    drive = traffic.bus.node
     place = str(traffic.log.path)
     return FrameSource(place, bitrate, drive, traffic.frames, 0.0, traffic.log.damage)
 
@@ -69,7 +69,7 @@ def live_source(options: BusOptions, clock: Clock, seconds: float | None) -> Fra
     return FrameSource(choice.name, bitrate, _drive(choice), frames, None)
 
 
-def make_decoder(dbc: str | None, drive: AxisDriveSection | None) -> Decoder:
+def make_decoder(dbc: str | None, drive: DriveSection | None) -> Decoder:
     """Make the decoder that --dbc names; drive: of the run. Raises ConfigError."""
     if dbc == OF_RUN and drive is None:
         raise ConfigError(
@@ -92,12 +92,12 @@ def until_s(frames: Iterable[can.Message], seconds: float | None) -> Iterator[ca
         yield frame
 
 
-def _drive(choice: BusChoice) -> AxisDriveSection | None:
+def _drive(choice: BusChoice) -> DriveSection | None:
     """Read `[drive]` of the experiment, or of the run on the bus."""
     if choice.drive is not None or choice.run is None:
         return choice.drive
     try:
-        return run_bus(read_log(choice.run / LOG)).drive
+        return run_bus(read_log(choice.run / LOG)).node
     except LogError:  # not written yet
         return None
 

@@ -18,7 +18,7 @@ from comms.errors import LogError
 from comms.mcap_log import EPOCH_KEY, Log, read_log
 from comms.messages import CanMessage
 from rig.errors import ConfigError, RigError
-from rig.run.drive_section import AxisDriveSection, CanSection
+from rig.run.drive_section import AxisDriveSection, CanSection, DriveSection, JointNodeSection
 from rig.run.runs import find_log
 
 DOWN, UP = "/can_down", "/can_up"  # topics: of the master, of the nodes
@@ -46,11 +46,23 @@ READ_ERRORS = (
 )
 
 
+class JointTable(msgspec.Struct, frozen=True, kw_only=True):
+    """Keys of `[joint]` that the field bus needs."""
+
+    drive: JointNodeSection = JointNodeSection()
+
+
 class RunBus(msgspec.Struct, frozen=True, kw_only=True):
-    """Field bus of a logged run: `[can]` and `[drive]` of its experiment."""
+    """Field bus of a logged run: `[can]`, and `[drive]` or `[joint]` of its experiment."""
 
     can: CanSection = CanSection()
     drive: AxisDriveSection = AxisDriveSection()
+    joint: JointTable | None = None
+
+    @property
+    def node(self) -> DriveSection:
+        """Drive of the run."""
+        return self.drive if self.joint is None else self.joint.drive
 
 
 class Traffic(NamedTuple):

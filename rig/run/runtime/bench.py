@@ -17,19 +17,19 @@ from rig.run.job import Plant, safety_envelope
 from rig.run.tasks.controller.task import COUNTING_POLICY
 from rig.run.toml_file import convert
 from rig.run.units import CABLE, SWING, suspect
-from sim_rig.ball_screw_axis import AxisReading
 from sim_rig.ball_screw_params import BallScrewParams
 from sim_rig.can_bench import CanBench
-from sim_rig.can_drive import DriveLogic
 from sim_rig.drive_faults import DriveFault
+from sim_rig.drive_logic import DriveLogic, DriveReading
 from sim_rig.input_check import InputBounds
+from sim_rig.joint_params import PARAMETER_SETS, Joint
 from sim_rig.params import BenchParams, CameraParams, PendulumParams, RobotParams, View
 from sim_rig.task import BenchTask
 
 LINKS = 1  # of the simulated load
-CARTESIAN, BALL_SCREW = "cartesian", "ball_screw"
-ROBOTS = (CARTESIAN, BALL_SCREW)
-AxisSensors = AxisReading  # what the logic of a drive is given at a sample
+CARTESIAN, BALL_SCREW, ELASTIC_JOINT = "cartesian", "ball_screw", "elastic_joint"
+ROBOTS = (CARTESIAN, BALL_SCREW, ELASTIC_JOINT)
+DriveSensors = DriveReading  # what the logic of a drive is given at a sample
 
 
 def params(experiment: Experiment) -> BenchParams:
@@ -45,20 +45,25 @@ def params(experiment: Experiment) -> BenchParams:
         if isinstance(value, int | float):
             suspect(f"[bench.pendulum] {key} =", value, usual)
     robot = RobotParams()
-    axis = None
-    if has_drive(experiment):
+    axis = joint = None
+    kind = robot_kind(experiment)
+    if kind == ELASTIC_JOINT:
+        joint = _joint(bench.robot)
+    elif kind == BALL_SCREW:
         axis = convert(_without_kind(bench.robot), BallScrewParams, "bench.robot")
         robot = RobotParams(start_m=axis.start_m)
     else:
         robot = convert(_without_kind(bench.robot), RobotParams, "bench.robot")
+    rate_hz = 0.0 if joint is not None else view.rate_hz
     try:
         return BenchParams(
             axis=axis,
+            joint=joint,
             drive_faults=_drive_faults(experiment),
             pendulum=convert(bench.pendulum, PendulumParams, "bench.pendulum"),
             robot=robot,
             camera=convert(bench.camera, CameraParams, "bench.camera"),
-            view=View(width=view.width, height=view.height, rate_hz=view.rate_hz),
+            view=View(width=view.width, height=view.height, rate_hz=rate_hz),
             seed=experiment.experiment.seed,
         )
     except ValueError as error:
@@ -72,13 +77,25 @@ def plant(experiment: Experiment) -> Plant:
 
 
 def has_drive(experiment: Experiment) -> bool:
-    """Tell if the robot is an axis with a drive on the field bus. Raises ConfigError."""
+    """Tell if the robot has a drive on the field bus. Raises ConfigError."""
+    return robot_kind(experiment) in (BALL_SCREW, ELASTIC_JOINT)
+
+
+def robot_kind(experiment: Experiment) -> str:
+    """Read the kind of robot, which is that of the experiment. Raises ConfigError."""
     kind = experiment.bench.robot.get("kind", CARTESIAN)
     if kind not in ROBOTS:
         raise ConfigError(
             f"[bench.robot] kind = {kind!r}; must be one of {', '.join(ROBOTS)}: correct the value"
         )
-    return bool(kind == BALL_SCREW)
+    is_joint = experiment.experiment.kind == "joint"
+    if is_joint != (kind == ELASTIC_JOINT):
+        raise ConfigError(
+            f"[bench.robot] kind = {kind!r} with [experiment] kind = "
+            f"{experiment.experiment.kind!r}; an elastic joint, and only that, must have "
+            "experiments of the kind joint: change one of the two"
+        )
+    return str(kind)
 
 
 def _drive_faults(experiment: Experiment) -> tuple[DriveFault, ...]:
@@ -88,7 +105,26 @@ def _drive_faults(experiment: Experiment) -> tuple[DriveFault, ...]:
             "[[bench.drive_faults]] of a robot without a drive; must be with [bench.robot] kind = "
             "'ball_screw': remove them, or change the kind"
         )
-    return tuple(convert(table, DriveFault, "bench.drive_faults") for table in tables)
+    faults = tuple(convert(table, DriveFault, "bench.drive_faults") for table in tables)
+    for fault in faults:
+        if fault.step_m and robot_kind(experiment) == ELASTIC_JOINT:
+            raise ConfigError(
+                f"[[bench.drive_faults]] step_m = {fault.step_m:g} of a joint; must be 0: give "
+                "step_rad, the angle of the motor"
+            )
+    return faults
+
+
+def _joint(robot: dict[str, Any]) -> Joint:
+    """Read an elastic joint; its keys replace those of the parameter set that it names."""
+    keys = _without_kind(robot)
+    name = keys.pop("parameters", "listed")
+    if name not in PARAMETER_SETS:
+        raise ConfigError(
+            f"[bench.robot] parameters = {name!r}; must be one of {', '.join(PARAMETER_SETS)}: "
+            "correct the value"
+        )
+    return convert(PARAMETER_SETS[name] | keys, Joint, "bench.robot")
 
 
 def _without_kind(robot: dict[str, Any]) -> dict[str, Any]:

@@ -15,7 +15,7 @@ import msgspec
 from comms.clock import cpu_of_s
 from comms.ends import OPERATOR_SILENT_NS, Wiring
 from comms.priority import scheduling_of
-from rig.run.drive_section import NodeSettings
+from rig.run.node_settings import NodeSettings
 
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 

@@ -17,15 +17,14 @@ from comms.link import LinkCount
 from comms.task import Task
 from rig.errors import EXIT_STATUS, FAULT, REFUSED, RigError, RunFailed
 from rig.run import operator_file, runs
-from rig.run.drive_section import NodeSettings
 from rig.run.job import Job
+from rig.run.node_settings import NodeSettings
 from rig.run.recorder import Recorder
 from rig.run.run_metadata import start_metadata
 from rig.run.runtime import bench
 from rig.run.runtime.interrupts import Interrupts
 from rig.run.runtime.processes import ProcessRunner
 from rig.run.runtime.virtual import VirtualRunner
-from rig.run.tasks import run_out
 from rig.run.tasks.controller.task import ControllerTask
 from rig.run.tasks.drive.task import DriveTask
 from rig.run.tasks.operator import Operator
@@ -50,7 +49,7 @@ def execute(job: Job, mode: ClockMode, folder: Path, progress: Progress) -> RunO
     Raises what kept the run from starting, and RunFailed for an error of the system during the run.
     """
     duration_ns = round(job.plan.duration_s * 1e9)
-    operator = Operator(list(job.settings), duration_ns, _stop_ns(job))
+    operator = Operator(list(job.settings), duration_ns, job.stop_ns)
     clock = new_run_clock()
     recorder = Recorder(
         folder / runs.LOG,
@@ -77,10 +76,6 @@ def execute(job: Job, mode: ClockMode, folder: Path, progress: Progress) -> RunO
         ended.loop_s = stopwatch_s() - began_s
         _close(recorder, ended)
     return RunOutcome(ended.code, ended.reasons, ended.notes.get("digest"), ended.loop_s)
-
-
-def _stop_ns(job: Job) -> int:
-    return run_out.duration_ns(job.settings["controller"].envelope)
 
 
 class _Ended:
@@ -198,7 +193,7 @@ def _run_wall(
                 dict(e.links),
                 e.record.pictures_hz,
                 round(e.safety.operator_silent_ms * MS),
-                _stop_ns(job),
+                job.stop_ns,
             )
     finally:
         ended.end_ns = clock.now_ns()

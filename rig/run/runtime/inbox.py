@@ -8,7 +8,7 @@ from typing import Any
 from comms.bus_content import Content, Hello, Record, StreamEnd, Telemetry
 from comms.codec import Reject, decode
 from comms.frames import with_pixels
-from comms.messages import Frame, Message, Reply, RobotState
+from comms.messages import CanMessage, Frame, Message, Reply, RobotState
 from comms.records import LinkRow, TaskTiming
 from comms.task import Step
 from rig.run.recorder import Recorder
@@ -29,12 +29,13 @@ class Inbox:
         operator: Operator,
         recorder: Recorder,
         carry_out: Callable[[Step], None],
+        robot: RobotWatch,
     ) -> None:
         """carry_out: receives what the operator returns."""
         self.roster = Roster()
         self.counts = ChannelCounts(tasks)
         self.starvation = Starvation()
-        self.robot = RobotWatch(operator)
+        self.robot = robot
         self.foreign = 0  # telemetry of no task of this run
         self._session = session
         self._operator = operator
@@ -85,4 +86,6 @@ class Inbox:
         elif isinstance(message, Message):
             if isinstance(message, RobotState):
                 self.robot.take_state(message)
+            elif isinstance(message, CanMessage):
+                self.robot.take_frame(message)
             self._recorder.message(telemetry.channel, message, now_ns)

@@ -16,7 +16,7 @@ from comms.clock import MonotonicClock
 from comms.endpoints import Endpoints
 from comms.ends import ORPHAN_NS, Wiring
 from comms.errors import PortInUse
-from comms.link import LinkCount, LinkFaults
+from comms.link import LinkCount, LinkFaults, longest_delay_ns
 from comms.messages import Command, Verb
 from comms.operator_bus import Context, OperatorBus
 from comms.priority import drop_priority, scheduling_of, take_priority
@@ -32,6 +32,7 @@ from rig.run.runtime.children import Children
 from rig.run.runtime.cpu_meter import CpuMeter
 from rig.run.runtime.inbox import Inbox
 from rig.run.runtime.interrupts import Interrupts
+from rig.run.runtime.robot_watch import robot_watch
 from rig.run.runtime.terminal_requests import TerminalRequests
 from rig.run.tasks.operator import Operator, Stage
 
@@ -65,9 +66,10 @@ class ProcessRunner:
         self._folder = folder
         self._session = secrets.randbits(63)
         self._children = Children(folder)
-        self._inbox = Inbox(set(settings), self._session, operator, recorder, self._carry_out)
+        robot, tasks = robot_watch(settings, operator), set(settings)
+        self._inbox = Inbox(tasks, self._session, operator, recorder, self._carry_out, robot)
         self._roster = self._inbox.roster
-        self._requests = TerminalRequests(operator, self._inbox.robot, self._carry_out)
+        self._requests = TerminalRequests(operator, robot, self._carry_out)
         self._cpu = CpuMeter(self._children)
         self._handled_interrupts = 0
         self._logged_events = 0  # events of the operator that are in the log
@@ -104,7 +106,6 @@ class ProcessRunner:
         except PortInUse:
             context.term()
             raise
-        delays_ms = [fault.delay_ms + fault.jitter_ms for fault in faults.values()]
         try:
             wiring = Wiring(
                 session=self._session,
@@ -128,7 +129,7 @@ class ProcessRunner:
             self._children.start(self._settings, wiring)
             self._await_tasks()
             self._loop()
-            self._await_shutdown(round(max(delays_ms, default=0) * MS))
+            self._await_shutdown(longest_delay_ns(faults.values()))
             self._add_starvation()
             self._log_foreign()
         except BaseException:

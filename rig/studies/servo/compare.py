@@ -9,12 +9,13 @@ from typing import Any, NamedTuple
 
 from planners.errors import unknown_name
 from planners.trajectories.trajectory import Trajectory
+from rig.analysis.joint_move import MoveMetrics, Recording, move_metrics
 from rig.drives.servo.loops import LoopAnalysis
 from rig.drives.servo.wiring import position_loop
 from rig.errors import ConfigError
+from rig.run.joint.controllers import CONTROLLERS, Drive
 from rig.studies.servo import bench
-from rig.studies.servo.controllers import CONTROLLERS, Drive
-from rig.studies.servo.move_on_bench import MoveMetrics, Recording, move_metrics, run_move
+from rig.studies.servo.move_on_bench import run_move
 from rig.studies.servo.spec import ServoSpec
 
 MAX_SAMPLES = 2_000_000  # of all runs; some minutes of computation

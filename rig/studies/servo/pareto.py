@@ -17,6 +17,8 @@ import numpy as np
 from planners.errors import unknown_name
 from rig.drives.servo.errors import ServoError
 from rig.errors import RunFailed
+from rig.run.joint.controllers import Drive
+from rig.run.joint.sections import AssignedSection
 from rig.studies.servo.compare import (
     analyse_drives,
     build_drives,
@@ -24,8 +26,7 @@ from rig.studies.servo.compare import (
     compare,
     run_duration_s,
 )
-from rig.studies.servo.controllers import Drive
-from rig.studies.servo.spec import AssignedSection, ServoSpec
+from rig.studies.servo.spec import ServoSpec
 
 VALUE_DIGITS = 4  # significant, so that a printed value repeats its point
 FIGURE_DIGITS = 6  # significant, of two figures that count as equal

@@ -82,5 +82,5 @@ def _export_field_bus(log: Log, asc: Path | None, blf: Path | None, dbc: Path | 
         frames = write_trace(traffic, path)
         print_whole(f"{frames} frames written to {path}")
     if dbc is not None:
-        dbc.write_text(dbc_text(traffic.bus.drive), encoding="ascii")
+        dbc.write_text(dbc_text(traffic.bus.node), encoding="ascii")
         print_whole(f"names of the frames written to {dbc}")

@@ -24,9 +24,11 @@ from rig.ui.cli.page import (
     print_table,
     print_whole,
 )
+from rig.ui.joint_rows import joint_rows
 
 EVENT_INDENT = " " * 12  # of the further lines of an event, below its text
 QUANTITY_COLUMNS = ("", Column("planned", drop=1), "measured ± noise", "true")
+JOINT_COLUMNS = ("", "by the accelerometer", "true")
 LEDGER_COLUMNS = (
     "link",
     "sent",
@@ -92,7 +94,7 @@ def _finite(value: Any) -> Any:
 def print_summary(s: Summary) -> None:
     """Print the results of a run: quantities, delays, ledger, events and verdict."""
     out.print()
-    print_table(_quantities(s))
+    print_table(_quantities(s) if s.move_deg is None else joint_table(s))
     for line in _status_lines(s):
         print_paragraph(line, indent="  ")
     if s.links:
@@ -124,13 +126,16 @@ def _quantities(s: Summary) -> Table:
     return table
 
 
+def joint_table(s: Summary) -> Table:
+    """Make the table of the figures of a joint."""
+    table = boxed_table(s.headline, JOINT_COLUMNS)
+    for row in joint_rows(s):
+        table.add_row(*row)
+    return table
+
+
 def _status_lines(s: Summary) -> list[str]:
-    lines = [
-        _latency_line(s),
-        _reference_line(s),
-        f"vision: {s.angles_valid} of {s.frames} frames with an angle",
-        f"robot: {s.motion.text}",
-    ]
+    lines = [_skipped_line(s)] if s.move_deg is not None else _path_lines(s)
     if s.cpu_share:
         lines.append(_processor_line(s))
     if s.field_bus is not None:
@@ -138,6 +143,16 @@ def _status_lines(s: Summary) -> list[str]:
     if s.swing_error.outside_move_rad is not None:
         lines.append(_swing_error_line(s))
     return lines
+
+
+def _path_lines(s: Summary) -> list[str]:
+    """Describe the path from the plan over the robot to the camera."""
+    return [
+        _latency_line(s),
+        _reference_line(s),
+        f"vision: {s.angles_valid} of {s.frames} frames with an angle",
+        f"robot: {s.motion.text}",
+    ]
 
 
 def _latency_line(s: Summary) -> str:
@@ -151,13 +166,18 @@ def _latency_line(s: Summary) -> str:
 
 def _reference_line(s: Summary) -> str:
     late = s.lateness
-    skipped = ", ".join(f"{task} {count}" for task, count in sorted(late.late_ticks.items()))
     return (
         f"references: {late.references} accepted, "
         f"{late.references_late} more than 30 ms after their target "
         f"(p99 {_ms(late.reference_p99_ms)}, maximum {_ms(late.reference_max_ms)}); "
-        f"skipped ticks: {skipped or 'not logged'}"
+        f"{_skipped_line(s)}"
     )
+
+
+def _skipped_line(s: Summary) -> str:
+    ticks = sorted(s.lateness.late_ticks.items())
+    skipped = ", ".join(f"{task} {count}" for task, count in ticks)
+    return f"skipped ticks: {skipped or 'not logged'}"
 
 
 def _processor_line(s: Summary) -> str:

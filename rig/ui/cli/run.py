@@ -48,7 +48,7 @@ def run(
         str,
         typer.Argument(
             metavar="[EXPERIMENT]",
-            help="Shipped experiment, move, dropouts or free_decay, or a TOML file.",
+            help="Shipped experiment, e.g. move, dropouts or free_decay, or a TOML file.",
             autocompletion=completion.experiments,
         ),
     ] = "move",
@@ -246,8 +246,9 @@ def _show_results(ran: experiment.FinishedRun, quiet: bool, report: bool, run_s:
 
 def _phase_name(done_s: float, e: config.Experiment) -> str:
     """Name the phase of a run, done_s after its start [s]."""
+    move_s = e.joint.move.time_s if e.joint is not None else e.move.time_s
     if not e.has_move:
         return "watching"
     if done_s < e.experiment.quiet_s:
         return "quiet"
-    return "moving" if done_s < e.experiment.quiet_s + e.move.time_s else "watching"
+    return "moving" if done_s < e.experiment.quiet_s + move_s else "watching"

@@ -9,11 +9,6 @@ from rig.run.job import Job
 from rig.ui.cli.page import Column, boxed_table
 from rig.ui.link_text import link_faults
 
-CLOCKS = {
-    "wall": "real time, five processes, UDP and ZeroMQ",
-    "virtual": "virtual time, one process",
-}
-
 
 def announcement(job: Job, plan: Plan | None, mode: str) -> Table:
     """Create the table of model, plan, times, links and calibration of a job."""
@@ -21,7 +16,7 @@ def announcement(job: Job, plan: Plan | None, mode: str) -> Table:
     title = f"about to run: {e.experiment.name}"
     table = boxed_table(title, ("", Column("", folds=True)), left=2)
     table.show_header = False
-    table.add_row("mode", f"{CLOCKS[mode]}; seed {e.experiment.seed}")
+    table.add_row("mode", f"{_clock(job, mode)}; seed {e.experiment.seed}")
     if plan is not None:
         m = plan.metrics
         table.add_row("plan", _plan_description(plan))
@@ -39,7 +34,7 @@ def announcement(job: Job, plan: Plan | None, mode: str) -> Table:
             f"residual {m.residual_swing_nonlinear_rad * 1e3:.2f} mrad",
         )
     else:
-        table.add_row("plan", "no move" if job.plan.time_s == 0 else "from point to point")
+        table.add_row("plan", _motion_description(job))
     table.add_row(
         "time",
         f"{job.plan.quiet_s:g} s quiet, {job.plan.time_s:g} s move, "
@@ -49,6 +44,23 @@ def announcement(job: Job, plan: Plan | None, mode: str) -> Table:
     table.add_row("links", ", ".join(links) or "no faults")
     table.add_row("calibration", job.calibration_name if e.camera.rate_hz else "no camera")
     return table
+
+
+def _clock(job: Job, mode: str) -> str:
+    if mode == "virtual":
+        return "virtual time, one process"
+    ways = "CAN and ZeroMQ" if job.experiment.joint is not None else "UDP and ZeroMQ"
+    if "drive" in job.settings and job.experiment.joint is None:
+        ways = "UDP, CAN and ZeroMQ"
+    return f"real time, {len(job.settings) + 1} processes, {ways}"
+
+
+def _motion_description(job: Job) -> str:
+    """Describe a motion that no planner of loads made."""
+    joint = job.experiment.joint
+    if joint is not None:
+        return f"{joint.move.title} of an elastic joint, controller {joint.controller}"
+    return "no move" if job.plan.time_s == 0 else "from point to point"
 
 
 def _plan_description(plan: Plan) -> str:

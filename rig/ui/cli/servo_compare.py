@@ -20,8 +20,8 @@ from rig.ui.cli.page import err, print_written
 
 if TYPE_CHECKING:
     from rig.drives.servo.loops import LoopAnalysis
+    from rig.run.joint.controllers import Drive
     from rig.studies.servo.compare import ControllerRun
-    from rig.studies.servo.controllers import Drive
     from rig.studies.servo.spec import ServoSpec
 
 DEFAULT_CONTROLLERS = "pid,pid_ff,lqg"
@@ -100,8 +100,8 @@ def compare(
     """
     if points is not None and not pareto:
         raise ConfigError(f"--points {points} without --pareto; must go with it: add --pareto")
+    from rig.run.joint.controllers import CONTROLLERS
     from rig.studies.servo.compare import analyse_drives, build_drives  # scipy is slow to import
-    from rig.studies.servo.controllers import CONTROLLERS
 
     if plot is not None:
         from rig.ui.plots import picture_file

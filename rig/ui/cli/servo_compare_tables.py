@@ -13,8 +13,8 @@ from rig.ui.cli.page import Column, out, plain_table, print_paragraph, print_tab
 
 if TYPE_CHECKING:
     from rig.drives.servo.loops import LoopAnalysis
+    from rig.run.joint.controllers import Drive
     from rig.studies.servo.compare import ControllerRun
-    from rig.studies.servo.controllers import Drive
     from rig.studies.servo.spec import ServoSpec
 
 TEXT_COLUMNS = ("plant\nvariant\n", "move\n", "controller\n")
@@ -77,7 +77,7 @@ def document(
 def _row_document(
     spec: ServoSpec, row: ControllerRun, rows: Sequence[ControllerRun]
 ) -> dict[str, Any]:
-    from rig.studies.servo.move_on_bench import cruise_ripple_rad_s
+    from rig.analysis.joint_move import cruise_ripple_rad_s
 
     k = spec.drive.torque_constant_n_m_a
     return {

@@ -97,8 +97,10 @@ class StopOrder:
         if not self._stage:
             return f"no answer of the operator {limit}, so nothing shows that the robot stands"
         phase = self._status.get("phase")
-        speed_m_s = self._status.get("speed_m_s")
-        return f"not at rest {limit} (phase {phase}, speed {speed_m_s} m/s)"
+        speed = f"{self._status.get('speed_m_s')} m/s"
+        if "speed_rad_s" in self._status:
+            speed = f"{self._status['speed_rad_s']} rad/s"
+        return f"not at rest {limit} (phase {phase}, speed {speed})"
 
     def _elapsed_ms(self) -> int:
         return round((stopwatch_s() - self._began_s) * 1e3)

@@ -133,7 +133,7 @@ def test_two_dictionaries_share_no_values():
 @pytest.mark.parametrize(
     ("index", "sub", "data", "code"),
     [
-        (0x2000, 0, b"\0", 0x06020000),
+        (0x2001, 0, b"\0", 0x06020000),
         (0x6099, 3, b"\0", 0x06090011),
         (0x6041, 0, b"\0\0", 0x06010002),
         (0x1008, 0, b"abc", 0x06010002),

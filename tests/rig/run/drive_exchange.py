@@ -33,9 +33,9 @@ IDENTITY = Identity(vendor=0x11, product=0x22, revision=0x33)
 SETTINGS = DriveSettings(
     node_id=NODE,
     identity=IDENTITY,
-    increments_per_m=500_000.0,
-    velocity_units_per_m_s=250_000.0,
-    acceleration_units_per_m_s2=1000.0,
+    increments_per_unit=500_000.0,
+    velocity_units_per_unit_s=250_000.0,
+    acceleration_units_per_unit_s2=1000.0,
 )
 
 

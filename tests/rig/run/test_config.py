@@ -22,7 +22,7 @@ from rig.run.runtime import bench
 SMALLEST = '[experiment]\nname = "mine"\n'
 SECTIONS = (
     "experiment, move, model, plan, limits, safety, controller, camera, vision, links, "
-    "network, record, can, drive, bench"
+    "network, record, can, drive, joint, bench"
 )
 LINKS = "reference, setpoint, joint_state, robot_state, platform_1, frame_1, angle_1"
 LINKS += ", can_down, can_up"
@@ -130,8 +130,8 @@ MISTAKES = {
     ),
     "a word that is none of the allowed": (
         '[experiment]\nname = "mine"\nkind = "mov"',
-        "[experiment] kind = 'mov': must be one of 'move', 'free_decay', did you mean 'move'?; "
-        "correct the value",
+        "[experiment] kind = 'mov': must be one of 'move', 'free_decay', 'joint', did you mean "
+        "'move'?; correct the value",
     ),
     "a name with a blank": (
         '[experiment]\nname = "my run"',

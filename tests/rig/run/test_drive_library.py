@@ -29,13 +29,13 @@ PER_M = 100_000
 SETTINGS = DriveSettings(
     node_id=NODE,
     identity=Identity(vendor=0x99, product=0x402, revision=0x10007),
-    increments_per_m=PER_M,
-    velocity_units_per_m_s=PER_M,
-    acceleration_units_per_m_s2=PER_M,
-    quick_stop_m_s2=20.0,
-    lower_m=-0.3,
-    upper_m=0.25,
-    following_error_m=0.005,
+    increments_per_unit=PER_M,
+    velocity_units_per_unit_s=PER_M,
+    acceleration_units_per_unit_s2=PER_M,
+    quick_stop=20.0,
+    lower=-0.3,
+    upper=0.25,
+    following_error=0.005,
 )
 CHANNELS = itertools.count()
 

@@ -239,7 +239,7 @@ def test_until_the_drive_is_armed_the_target_is_where_it_stands(position: int) -
 
 
 SETTINGS_FINE = msgspec.structs.replace(
-    SETTINGS, increments_per_m=2.0**31, velocity_units_per_m_s=2.0**31
+    SETTINGS, increments_per_unit=2.0**31, velocity_units_per_unit_s=2.0**31
 )  # any position of 32 bits is within 1 m
 
 
@@ -258,7 +258,7 @@ def test_a_setpoint_becomes_the_nearest_increment(x_m: float) -> None:
 
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_a_setpoint_beyond_32_bits_is_limited_to_them(sign: int) -> None:
-    fine = msgspec.structs.replace(SETTINGS, increments_per_m=1e9)
+    fine = msgspec.structs.replace(SETTINGS, increments_per_unit=1e9)
     exchange = Exchange(fine).until_running()
     exchange.setpoint(9.0 * sign)
     exchange.tick()

@@ -9,8 +9,9 @@ import pytest
 
 from comms.messages import CanMessage, Command, JointState, Reply, Truth, Verb, axis_setpoint
 from comms.task import Step
-from rig.run.drive_section import AxisDriveSection, NodeSettings
+from rig.run.drive_section import AxisDriveSection
 from rig.run.drive_settings import drive_settings
+from rig.run.node_settings import NodeSettings
 from rig.run.runtime import drive_node
 from rig.run.runtime.drive_controllers import axis_model, lq_feedback
 from rig.run.tasks.drive.task import DriveTask

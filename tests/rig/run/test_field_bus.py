@@ -56,8 +56,8 @@ DATABASES = [(drive, database_of(drive)) for drive in DRIVES]
 def test_the_dbc_reads_and_writes_a_motion_as_struct_does(drive, names, position, velocity):
     data = struct.pack("<ii", position, velocity)
     values = names.decode_message(start_up.TPDO_MOTION + drive.node_id, data)
-    assert values["position"] == pytest.approx(position / drive.increments_per_m, rel=1e-12)
-    assert values["velocity"] == pytest.approx(velocity / drive.increments_per_m, rel=1e-12)
+    assert values["position"] == pytest.approx(position / drive.increments_per_unit, rel=1e-12)
+    assert values["velocity"] == pytest.approx(velocity / drive.increments_per_unit, rel=1e-12)
     assert names.encode_message("tpdo1", values) == data
 
 
@@ -69,7 +69,7 @@ def test_the_dbc_reads_and_writes_words_target_and_torque_as_struct_does(
     down = struct.pack("<Hi", word, target)
     values = names.decode_message(start_up.RPDO + drive.node_id, down)
     assert values["control_word"] == word
-    assert values["target_position"] == pytest.approx(target / drive.increments_per_m, rel=1e-12)
+    assert values["target_position"] == pytest.approx(target / drive.increments_per_unit, rel=1e-12)
     assert names.encode_message("rpdo1", values) == down
     up = struct.pack("<Hh", word, torque)
     values = names.decode_message(start_up.TPDO_STATUS + drive.node_id, up)

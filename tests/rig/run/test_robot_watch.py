@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import struct
+
 import msgspec
 import pytest
 
-from comms.messages import Command, Phase, Reply, RobotState, Verb
+from comms.messages import CanMessage, Command, Phase, Reply, RobotState, Verb
 from comms.task import Step
-from rig.run.runtime.robot_watch import RobotWatch
+from rig.run.runtime.robot_watch import JointWatch, RobotWatch
 from rig.run.runtime.terminal_requests import TerminalRequests
+from rig.run.tasks.drive.settings import DriveSettings, Identity
 from rig.run.tasks.operator import Operator
 
 MS = 1_000_000
@@ -42,6 +45,39 @@ def reply(phase: Phase, sender: str = "controller", t_ns: int = NOW_NS) -> Reply
 def running_operator() -> Operator:
     """Operator of a run."""
     return Operator(["controller", "streamer"], 10**9)
+
+
+def motion(speed_rad_s: float, t_ns: int = NOW_NS) -> CanMessage:
+    """PDO of a joint with the speed of its motor."""
+    data = struct.pack("<ii", 0, round(speed_rad_s * 1000.0))
+    return CanMessage(
+        seq=0, t_ns=t_ns, can_id=0x183, is_extended=False, is_remote=False, length=8, data=data
+    )
+
+
+@pytest.mark.parametrize(
+    ("speed_rad_s", "age_ms", "is_at_rest"),
+    [(0.5, 0, True), (-0.5, 0, True), (2.0, 0, False), (0.5, 10, False)],
+)
+def test_a_joint_is_at_rest_by_the_phase_of_its_drive_and_a_newer_speed(
+    speed_rad_s: float, age_ms: int, is_at_rest: bool
+) -> None:
+    drive = DriveSettings(
+        node_id=3,
+        identity=Identity(0, 0, 0),
+        increments_per_unit=1000.0,
+        velocity_units_per_unit_s=1000.0,
+        acceleration_units_per_unit_s2=1000.0,
+    )
+    watch = JointWatch(Operator(["drive", "bench"], 10**9), drive)
+    watch.take_reply(reply(Phase.RUNNING, "drive", NOW_NS - 5 * MS))
+    watch.take_frame(motion(0.0))
+    assert not watch.status()["at_rest"]
+    watch.take_reply(reply(Phase.STOPPED, "bench"))
+    watch.take_reply(reply(Phase.STOPPED, "drive"))
+    watch.take_frame(motion(speed_rad_s, NOW_NS - age_ms * MS))
+    assert watch.status()["at_rest"] is is_at_rest
+    assert watch.status()["speed_rad_s"] == speed_rad_s
 
 
 def at_rest(*messages: RobotState | Reply, operator: Operator | None = None) -> bool:

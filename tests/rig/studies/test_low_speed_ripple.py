@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from planners.errors import PlanError
+from rig.analysis.joint_move import cruise_ripple_rad_s
 from rig.drives.servo.estimator import Noise, sampled_kalman
 from rig.drives.servo.loops import oscillatory_pairs
 from rig.drives.servo.wiring import SETPOINT, STATES, interconnect, plant
 from rig.studies.servo.compare import build_drives, compare
-from rig.studies.servo.move_on_bench import cruise_ripple_rad_s
 from rig.studies.servo.spec import read_spec
 
 SPEC = read_spec(None, example="low_speed_ripple")

@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 from planners.errors import PlanError
+from rig.analysis import joint_move
 from rig.drives.motor import Drivetrain, effort
 from rig.drives.servo.errors import PolesNotAssignable, ServoError
 from rig.drives.servo.estimator import Noise, sampled_kalman
@@ -24,10 +25,10 @@ from rig.drives.servo.loops import oscillatory_pairs
 from rig.drives.servo.setpoint import MotorSetpoint
 from rig.drives.servo.state_feedback import lq
 from rig.errors import ConfigError, RenamedKey
+from rig.run.joint.controllers import CONTROLLERS
 from rig.studies.servo import move_on_bench
 from rig.studies.servo.compare import ControllerRun, analyse_drives, build_drives
 from rig.studies.servo.compare import compare as runs
-from rig.studies.servo.controllers import CONTROLLERS
 from rig.studies.servo.spec import read_spec
 
 EXPERIMENTS = tomllib.loads(
@@ -216,7 +217,7 @@ def test_equal_seeds_make_equal_readings_and_other_seeds_others():
 
 
 def test_a_figure_is_what_its_definition_says():
-    recording = move_on_bench.Recording(
+    recording = joint_move.Recording(
         np.array([-0.25, 0.0, 0.25, 0.5, 0.75]),
         0.5,
         reference_rad=np.array([0.0, 0.0, 0.5, 1.0, 1.0]),
@@ -227,8 +228,8 @@ def test_a_figure_is_what_its_definition_says():
         torque_n_m=np.array([1.0, 3.0, 4.0, -5.0, 0.0]),
         integration_error_rad=0.0,
     )
-    found = move_on_bench.move_metrics(recording)
-    assert found == move_on_bench.MoveMetrics(
+    found = joint_move.move_metrics(recording)
+    assert found == joint_move.MoveMetrics(
         residual=0.25,
         residual_measured=0.2,
         settled_s=0.25,
@@ -241,10 +242,8 @@ def test_a_figure_is_what_its_definition_says():
         rest_torque_n_m=0.0,
         at_limit_s=0.0,
     )
-    assert move_on_bench.move_metrics(recording, torque_limit_n_m=4.0).at_limit_s == pytest.approx(
-        0.5
-    )
-    late = move_on_bench.move_metrics(recording, delay_s=0.25)
+    assert joint_move.move_metrics(recording, torque_limit_n_m=4.0).at_limit_s == pytest.approx(0.5)
+    late = joint_move.move_metrics(recording, delay_s=0.25)
     assert late.residual == pytest.approx(0.005)
     assert late.rms_torque_n_m == pytest.approx(math.sqrt(50.0 / 3.0))
 
@@ -293,8 +292,8 @@ def test_the_effect_of_torque_feed_forward_on_the_residual_is_shown(rows, truth)
 def test_a_shaped_move_is_judged_from_the_shaper_s_end_on(rows):
     row = rows["listed", 1, "pid_shaped"]
     assert 0.02 < row.delay_s < 0.03
-    whole = move_on_bench.move_metrics(row.recording)
-    assert row.outcome == move_on_bench.move_metrics(
+    whole = joint_move.move_metrics(row.recording)
+    assert row.outcome == joint_move.move_metrics(
         row.recording, row.delay_s, SPEC.drive.torque_limit_n_m
     )
     assert row.outcome.rms_torque_n_m < whole.rms_torque_n_m  # of a longer move

@@ -20,9 +20,9 @@ from rig.drives.servo.nominal import LowPass, Nominal
 from rig.drives.servo.setpoint import MotorSetpoint
 from rig.drives.servo.wiring import position_loop
 from rig.errors import ConfigError
+from rig.run.joint.controllers import CONTROLLERS
 from rig.studies.servo import bench
 from rig.studies.servo.compare import build_drives, compare
-from rig.studies.servo.controllers import CONTROLLERS
 from rig.studies.servo.move_on_bench import run_move
 from rig.studies.servo.spec import read_spec
 

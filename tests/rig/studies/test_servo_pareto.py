@@ -12,8 +12,8 @@ from scipy.linalg import expm
 
 from planners.errors import PlanError
 from rig.errors import ConfigError
+from rig.run.joint.controllers import CONTROLLERS
 from rig.studies.servo.compare import build_drives, compare
-from rig.studies.servo.controllers import CONTROLLERS
 from rig.studies.servo.pareto import KNOBS, TradeOffPoint, front, sweep
 from rig.studies.servo.spec import read_spec
 

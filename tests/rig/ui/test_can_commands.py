@@ -235,7 +235,7 @@ def test_a_node_that_is_not_there_is_named(rig, bus):
     [
         (("60641",), "must be INDEX or INDEX:SUB"),
         (("6064", "--type", "int"), "must be one of u8, u16"),
-        (("2000", "5"), "name it, e.g. --type u16"),
+        (("2001", "5"), "name it, e.g. --type u16"),
         (("607D:1", "1e3"), "must be an integer"),
         (("6040", "70000"), "must be 0 to 65535"),
         (("6040", "--forse"), "--forse: no such option"),

@@ -15,13 +15,14 @@ DOWNLOAD, DOWNLOADED = 0x23, 0x60
 UPLOAD, UPLOADED = 0x40, 0x42  # expedited
 SIZE_MASK = 0x0D  # size indicated, number of bytes without data
 ABORT = 0x80
+NO_SUCH_OBJECT = 0x0602_0000
 ABORT_TEXTS = {
     0x0503_0000: "toggle bit not alternated",
     0x0504_0000: "time-out",
     0x0601_0000: "unsupported access",
     0x0601_0001: "write only",
     0x0601_0002: "read only",
-    0x0602_0000: "no such object",
+    NO_SUCH_OBJECT: "no such object",
     0x0604_0041: "object cannot be mapped to a PDO",
     0x0604_0042: "PDO too long",
     0x0607_0010: "wrong length",
@@ -34,13 +35,17 @@ ABORT_TEXTS = {
 
 
 class Access(NamedTuple):
-    """Write of a value, or read that must give it where it is expected; size in bytes."""
+    """Write of a value, or read that must give it where it is expected; size in bytes.
+
+    is_optional: of an object that a node need not have; it goes on without it.
+    """
 
     object_index: int
     subindex: int
     size: int
     value: int
     is_read: bool = False
+    is_optional: bool = False
 
     @property
     def name(self) -> str:
@@ -97,16 +102,22 @@ class SdoClient:
             return
         if command == ABORT:
             code = int.from_bytes(data[4:8], "little")
+            if access.is_optional and code == NO_SUCH_OBJECT:
+                self._confirm()
+                return
             text = ABORT_TEXTS.get(code, "see CiA 301")
             self.error = f"object {access.name}: the node refuses, 0x{code:08X} ({text})"
             return
         if command & ~SIZE_MASK != (UPLOADED if access.is_read else DOWNLOADED):
             return
+        self._confirm()
+        if access.is_read:
+            self._compare(access, int.from_bytes(data[4 : 4 + access.size], "little"))
+
+    def _confirm(self) -> None:
         self._waiting.popleft()
         self._sent_ns = None
         self._attempts = 0
-        if access.is_read:
-            self._compare(access, int.from_bytes(data[4 : 4 + access.size], "little"))
 
     def _compare(self, access: Access, value: int) -> None:
         if value != access.value:

@@ -20,22 +20,30 @@ STATUS_WORD = 0x6041_0010
 TORQUE = 0x6077_0010
 POSITION = 0x6064_0020
 VELOCITY = 0x606C_0020
+TORQUE_OFFSET = 0x60B2_0010
+LOAD_ACCELERATION = 0x2000_0020
 
 
 def accesses(s: DriveSettings) -> list[Access]:
     """List the reads and writes of the configuration, in their order."""
     heartbeat_ms = s.heartbeat_ns // MS
     sync_ms = s.sync_ns // MS
-    quick_stop = round(s.quick_stop_m_s2 * s.acceleration_units_per_m_s2)
+    quick_stop = round(s.quick_stop * s.acceleration_units_per_unit_s2)
+    target = [CONTROL_WORD, TARGET_POSITION]
+    if s.program:
+        target.append(TORQUE_OFFSET)
+    status = [STATUS_WORD, TORQUE]
+    if s.has_accelerometer:
+        status.append(LOAD_ACCELERATION)
     return [
         Access(0x1018, 1, 4, s.identity.vendor, is_read=True),
         Access(0x1018, 2, 4, s.identity.product, is_read=True),
         Access(0x1018, 3, 4, s.identity.revision, is_read=True),
         Access(0x1016, 1, 4, MASTER_ID << 16 | LOST_AFTER * heartbeat_ms),
         Access(0x1017, 0, 2, heartbeat_ms),
-        *_pdo(0x1400, RPDO + s.node_id, [CONTROL_WORD, TARGET_POSITION]),
+        *_pdo(0x1400, RPDO + s.node_id, target),
         *_pdo(0x1800, TPDO_MOTION + s.node_id, [POSITION, VELOCITY]),
-        *_pdo(0x1801, TPDO_STATUS + s.node_id, [STATUS_WORD, TORQUE]),
+        *_pdo(0x1801, TPDO_STATUS + s.node_id, status),
         Access(0x1802, 1, 4, NOT_VALID | 0x380 + s.node_id),
         Access(0x1803, 1, 4, NOT_VALID | 0x480 + s.node_id),
         Access(0x6060, 0, 1, CYCLIC_SYNCHRONOUS_POSITION),
@@ -43,9 +51,10 @@ def accesses(s: DriveSettings) -> list[Access]:
         Access(0x60C2, 2, 1, -3),  # times 10^-3 s
         Access(0x6085, 0, 4, quick_stop),
         Access(0x605A, 0, 2, RAMP_TO_DISABLED),
-        Access(0x607D, 1, 4, round(s.lower_m * s.increments_per_m)),
-        Access(0x607D, 2, 4, round(s.upper_m * s.increments_per_m)),
-        Access(0x6065, 0, 4, round(s.following_error_m * s.increments_per_m)),
+        Access(0x6072, 0, 2, s.torque_limit_permille, is_optional=True),
+        Access(0x607D, 1, 4, round(s.lower * s.increments_per_unit)),
+        Access(0x607D, 2, 4, round(s.upper * s.increments_per_unit)),
+        Access(0x6065, 0, 4, round(s.following_error * s.increments_per_unit)),
     ]
 
 

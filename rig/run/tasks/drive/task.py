@@ -1,4 +1,4 @@
-"""Task `drive`: setpoints onto PDOs, encoder positions from PDOs, one exchange per SYNC.
+"""Task `drive`: setpoints or a program onto PDOs, encoders from PDOs, one exchange per SYNC.
 
 The node is configured once it has booted, and enabled when the run is armed. From then on it gets
 a target with every SYNC: the newest setpoint, or a point on the way there. What it measured at a
@@ -18,6 +18,7 @@ from comms.task import NO_STEP, Send, Step
 from rig.errors import FAULT
 from rig.run.tasks.controller.phase import ORDERS, next_phase, refusal
 from rig.run.tasks.drive import start_up
+from rig.run.tasks.drive.program import Program
 from rig.run.tasks.drive.sdo_client import SdoClient
 from rig.run.tasks.drive.settings import DriveSettings
 from rig.run.tasks.drive.state import QUICK_STOP, NodeState, state_of, towards
@@ -38,6 +39,7 @@ class DriveTask:
     def __init__(self, settings: DriveSettings) -> None:
         self.late_ticks = 0  # SYNCs that were skipped because the next one was due
         self._s = settings
+        self._program = Program(settings.program, settings.sync_ns) if settings.program else None
         self._sdo = SdoClient(settings.node_id)
         self._replies = Replies(self.name)
         self._phase = Phase.IDLE
@@ -52,6 +54,7 @@ class DriveTask:
         self._state = NodeState.NOT_READY
         self._position: int | None = None  # newest measurement [increments]
         self._target = 0  # of the next SYNC [increments]
+        self._torque_offset = 0  # of the next SYNC [permille]
         self._goal = 0  # newest setpoint [increments]
         self._syncs_left = 0  # until the target is there
         self._setpoint_ns: int | None = None  # arrival of the newest one
@@ -86,9 +89,9 @@ class DriveTask:
             sends += self._configure(t_ns)
         else:
             self._sync_ns = t_ns
-            self._approach()
-            word = self._control_word()
-            sends.append(self._frame(start_up.RPDO + s.node_id, _motion(word, self._target), t_ns))
+            self._approach(t_ns)
+            data = self._motion(self._control_word())
+            sends.append(self._frame(start_up.RPDO + s.node_id, data, t_ns))
             sends.append(self._frame(SYNC, b"", t_ns))
         if tick >= self._beat_tick:  # a skipped SYNC delays it, and no more
             self._beat_tick = tick + s.heartbeat_ns // s.sync_ns
@@ -100,7 +103,7 @@ class DriveTask:
         """Switch the drive off; one that moves brakes first, as the option of 605A says."""
         if not self._is_operational:
             return NO_STEP
-        data = _motion(QUICK_STOP, self._target)
+        data = self._motion(QUICK_STOP)
         return Step(
             [
                 self._frame(start_up.RPDO + self._s.node_id, data, t_ns),
@@ -139,9 +142,13 @@ class DriveTask:
         text = f"no setpoint for {age_ns / MS:.0f} ms; {bound}: the controller does not send"
         return self._fail(text, t_ns)
 
-    def _approach(self) -> None:
-        """Move the target to the newest setpoint, linearly over the SYNCs of its period."""
-        if self._syncs_left:
+    def _approach(self, t_ns: int) -> None:
+        """Move the target as the program says, or over the SYNCs to the newest setpoint."""
+        self._torque_offset = 0
+        if self._program is not None and self._phase is Phase.RUNNING:
+            step = self._program.step_at(t_ns)
+            self._target, self._torque_offset = step or (self._target, 0)
+        elif self._syncs_left:
             self._target += round((self._goal - self._target) / self._syncs_left)
             self._syncs_left -= 1
 
@@ -194,8 +201,10 @@ class DriveTask:
         if not self._is_enabling:
             self._target = self._position  # bumpless: enabled where it stands
             self._syncs_left = 0
-        x_m = self._position / self._s.increments_per_m
-        v_m_s = velocity / self._s.velocity_units_per_m_s
+        if self._program is not None:
+            return []  # no controller takes it
+        x_m = self._position / self._s.increments_per_unit
+        v_m_s = velocity / self._s.velocity_units_per_unit_s
         state = axis_state(self._states, self._sync_ns, (x_m, 0.0, 0.0), (v_m_s, 0.0, 0.0))
         self._states += 1
         return [Send("joint_state", state, t_ns)]
@@ -223,7 +232,7 @@ class DriveTask:
         position_m = setpoint.position_m
         if position_m is None or position_m[1] or position_m[2]:
             return self._fail("a setpoint beside the axis; must be x alone, in m", t_ns)
-        increments = round(position_m[0] * self._s.increments_per_m)
+        increments = round(position_m[0] * self._s.increments_per_unit)
         self._goal = max(-MAX_INCREMENTS, min(MAX_INCREMENTS, increments))
         self._syncs_left = max(1, SETPOINT_NS // self._s.sync_ns)
         self._setpoint_ns = t_ns
@@ -234,10 +243,12 @@ class DriveTask:
         if reason:
             return [self._replies.refuse(order, self._phase, t_ns, reason)]
         if order.verb in ORDERS:
-            # after a stop the drive stays enabled: the controller lets the setpoint run out
+            # after a stop the drive stays enabled, and the controller lets the setpoint run out
             self._phase = next_phase(self._phase, ORDERS[order.verb])
-        if order.verb is Verb.ESTOP:
+        if order.verb is Verb.ESTOP or (order.verb is Verb.STOP and self._program is not None):
             self._is_stopping = True
+        if order.verb is Verb.START and self._program is not None:
+            self._program.begin(order.t_start_ns, self._target)
         if order.verb is Verb.ARM:
             self._is_enabling = True
             if self._state is not NodeState.ENABLED:
@@ -260,6 +271,10 @@ class DriveTask:
             return f"node {self._s.node_id} does not answer on the bus: look for power and bit rate"
         return f"node {self._s.node_id} is being configured"
 
+    def _motion(self, control_word: int) -> bytes:
+        data = struct.pack("<Hi", control_word, self._target)
+        return data if self._program is None else data + struct.pack("<h", self._torque_offset)
+
     def _fail(self, text: str, t_ns: int) -> list[Send]:
         self._phase = Phase.FAULT
         self._is_stopping = True
@@ -277,10 +292,6 @@ class DriveTask:
         )
         self._frames += 1
         return Send("can_down", message, t_ns)
-
-
-def _motion(control_word: int, target: int) -> bytes:
-    return struct.pack("<Hi", control_word, target)
 
 
 def build(settings: bytes) -> DriveTask:

@@ -10,13 +10,13 @@ from rig.drives.servo.friction import FrictionCompensated, FrictionDesign
 from rig.drives.servo.nominal import LowPass, Nominal
 from rig.drives.servo.setpoint import DriveController
 from rig.errors import ConfigError
-from rig.studies.servo.spec import ServoSpec
+from rig.run.joint.sections import JointDesign
 
 OBSERVER_TIME_SHARE = 0.1  # time constant of Q over that of the adaptation
 
 
 def compensate_friction(
-    spec: ServoSpec, controller: DriveController, setpoint_filter: Any | None = None
+    spec: JointDesign, controller: DriveController, setpoint_filter: Any | None = None
 ) -> DriveController:
     """Add friction compensation to a controller if the file asks for it.
 

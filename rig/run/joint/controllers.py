@@ -23,8 +23,8 @@ from rig.drives.servo.setpoint import DriveController, MotorSetpoint
 from rig.drives.servo.shaped_setpoint import ShapedSetpoint, design_shaper
 from rig.drives.servo.state_feedback import Feedback, assign, lq
 from rig.drives.servo.wiring import ControlLoop
-from rig.studies.servo.friction_option import compensate_friction
-from rig.studies.servo.spec import ServoSpec
+from rig.run.joint.friction_option import compensate_friction
+from rig.run.joint.sections import JointDesign
 
 FILTER_DONE_SHARE = 1e-3  # band of the settling time of a filter, share of the step
 
@@ -67,13 +67,13 @@ class Shaped:
         return self._controller.system
 
 
-def pid(spec: ServoSpec) -> Drive:
+def pid(spec: JointDesign) -> Drive:
     """Build P on the position, PI on the speed and speed feed-forward: PID of source 001."""
     controller = CascadeController(_cascade(spec), spec.drive.period_s)
     return Drive(compensate_friction(spec, controller))
 
 
-def pid_ff(spec: ServoSpec) -> Drive:
+def pid_ff(spec: JointDesign) -> Drive:
     """Build pid with torque feed-forward of the rigid inertia.
 
     The state-space controllers have it too.
@@ -84,7 +84,7 @@ def pid_ff(spec: ServoSpec) -> Drive:
     return Drive(compensate_friction(spec, controller))
 
 
-def pid_notch(spec: ServoSpec) -> Drive:
+def pid_notch(spec: JointDesign) -> Drive:
     """Build pid with a notch upstream of the speed loop, on its least damped pair."""
     cascade = _cascade(spec)
     pair = _least_damped("pid_notch", cascade.speed_loop(spec.joint))
@@ -97,7 +97,7 @@ def pid_notch(spec: ServoSpec) -> Drive:
     return Drive(compensate_friction(spec, controller), note=note)
 
 
-def pid_observer(spec: ServoSpec) -> Drive:
+def pid_observer(spec: JointDesign) -> Drive:
     """Build pid with a torque disturbance observer; nominal model: the motor alone."""
     low_pass = LowPass(time_constant_s=spec.compensators.observer_time_s)
     observer = ObserverDesign(low_pass=low_pass, nominal=Nominal.motor_alone(spec.joint))
@@ -110,7 +110,7 @@ def pid_observer(spec: ServoSpec) -> Drive:
     return Drive(controller, note=f"T_f = {time_ms:g} ms, nominal model: the motor alone")
 
 
-def pid_shaped(spec: ServoSpec) -> Drive:
+def pid_shaped(spec: JointDesign) -> Drive:
     """Build pid with a shaper for the least damped pair of the position loop."""
     cascade, period_s = _cascade(spec), spec.drive.period_s
     pair = _least_damped("pid_shaped", cascade.position_loop(spec.joint))
@@ -125,7 +125,7 @@ def pid_shaped(spec: ServoSpec) -> Drive:
     )
 
 
-def assigned(spec: ServoSpec) -> Drive:
+def assigned(spec: JointDesign) -> Drive:
     """Build state feedback and Luenberger observer by assigned eigenvalues.
 
     With rigid feed-forward.
@@ -138,13 +138,13 @@ def assigned(spec: ServoSpec) -> Drive:
     return Drive(compensate_friction(spec, _state_space(spec, feedback, estimator, "rigid")))
 
 
-def lqg(spec: ServoSpec) -> Drive:
+def lqg(spec: JointDesign) -> Drive:
     """Build LQ feedback and Kalman filter, with rigid feed-forward."""
     controller = _state_space(spec, *_optimal(spec), "rigid")
     return Drive(compensate_friction(spec, controller))
 
 
-def lqg_ff(spec: ServoSpec) -> Drive:
+def lqg_ff(spec: JointDesign) -> Drive:
     """Build lqg with the feed-forward pair C1, C2: the load follows the filter F0."""
     import control
 
@@ -157,7 +157,7 @@ def lqg_ff(spec: ServoSpec) -> Drive:
     return Drive(controller, _settling_s(load_filter), lqg(spec).controller, note)
 
 
-CONTROLLERS: dict[str, Callable[[ServoSpec], Drive]] = {
+CONTROLLERS: dict[str, Callable[[JointDesign], Drive]] = {
     "pid": pid,
     "pid_ff": pid_ff,
     "pid_notch": pid_notch,
@@ -169,7 +169,7 @@ CONTROLLERS: dict[str, Callable[[ServoSpec], Drive]] = {
 }
 
 
-def _cascade(spec: ServoSpec) -> Cascade:
+def _cascade(spec: JointDesign) -> Cascade:
     p = spec.pid
     limit = spec.drive.torque_limit_n_m
     return Cascade.normalised(
@@ -189,7 +189,7 @@ def _least_damped(name: str, loop: ControlLoop) -> PolePair:
     return pair
 
 
-def _optimal(spec: ServoSpec) -> tuple[Feedback, SampledEstimator]:
+def _optimal(spec: JointDesign) -> tuple[Feedback, SampledEstimator]:
     g = spec.lqg
     noise = Noise(
         motor_torque_n2_m2_s=g.torque_noise_n2_m2_s,
@@ -202,7 +202,7 @@ def _optimal(spec: ServoSpec) -> tuple[Feedback, SampledEstimator]:
 
 
 def _state_space(
-    spec: ServoSpec,
+    spec: JointDesign,
     feedback: Feedback,
     estimator: Estimator | SampledEstimator,
     feed_forward: str,
