@@ -10,7 +10,7 @@ from planners.boundary_value.convolution import plan_convolution
 from planners.boundary_value.finite_differences import plan_finite_differences
 from planners.boundary_value.matrix_exponential import plan_matrix_exponential
 from planners.boundary_value.shooting import plan_shooting
-from planners.errors import NotConverged, unknown_name
+from planners.errors import NotConverged, PlanError, unknown_name
 from planners.plan_law import plan_law
 from planners.problem import Metrics, Plan, Problem
 from planners.replay.metrics import measure
@@ -23,6 +23,7 @@ RESIDUAL_SWING_REL = 1e-5  # of the peak swing, plus
 RESIDUAL_SWING_RAD = 1e-8
 Planner = Callable[[Problem], Trajectory]
 
+VERTICAL_PLANNER = "law"
 BOUNDARY_VALUE: dict[str, Planner] = {
     "finite_differences": plan_finite_differences,
     "shooting": plan_shooting,
@@ -47,6 +48,11 @@ def plan(name: str, problem: Problem, timer: Callable[[], float] | None = None) 
     """
     if name not in PLANNERS:
         raise unknown_name("planner", name, PLANNERS)
+    if problem.axis == "z" and name != VERTICAL_PLANNER:
+        raise PlanError(
+            f"planner {name} for a move along z; must be '{VERTICAL_PLANNER}', as a vertical move "
+            "makes no load swing that hangs at rest: name a motion law"
+        )
     begin = timer() if timer else 0.0
     trajectory = PLANNERS[name](problem)
     compute_s = timer() - begin if timer else None

@@ -15,7 +15,7 @@ from planners.models.model import INPUTS, LAG_S, LAGS_S, Model, cart_for_input
 from planners.trajectories.motion import Motion
 from planners.trajectories.pieces import FloatArray
 
-AXES = ("x", "y")  # a vertical move excites no swing
+AXES = ("x", "y", "z")  # a vertical move, by a law alone, excites no swing
 MAX_FAST_PERIODS = 1000.0  # move duration in periods of the fastest mode; a replay takes seconds
 MIN_SLOW_PERIODS = 0.01  # move duration in periods of the slowest mode
 MAX_LAGS = 1e5  # move duration in time constants of the jerk model's filter

@@ -6,9 +6,10 @@ from collections.abc import Callable
 from typing import Protocol
 
 from comms.messages import Position, Velocity
+from sim_rig.link_angles import LinkState
+from sim_rig.load import Load
 from sim_rig.params import BenchParams
-from sim_rig.pendulum import Pendulum
-from sim_rig.robot import Platform
+from sim_rig.robot import Platform, Velocities
 
 # Runge-Kutta at 1 ms: error 4e-8 rad after 24 s of setpoint steps, energy drift 3e-13
 STEP_NS = 1_000_000
@@ -39,6 +40,10 @@ class SimulatedPlant(Protocol):
     def angular_velocity_rad_s(self) -> float:
         """Angular velocity of the load."""
 
+    @property
+    def links(self) -> list[LinkState]:
+        """Angles and rates of the links of the load."""
+
     def set_setpoint(self, position_m: Position) -> None:
         """Set the setpoint of the drives, where they take one of position."""
 
@@ -67,8 +72,8 @@ class MovingPlatform(Protocol):
     def carry(self, pull_n: Pull) -> None:
         """Take the load, whose pull depends on the acceleration of the platform along X."""
 
-    def advance(self, t_ns: int, step_ns: int, steps: int) -> tuple[list[float], list[float]]:
-        """Integrate steps from t_ns; return the velocities along x and z [m/s], (2 steps + 1,).
+    def advance(self, t_ns: int, step_ns: int, steps: int) -> Velocities:
+        """Integrate steps from t_ns; return the velocities along x, y, z [m/s], (2 steps + 1,).
 
         The first is at the start, then one at the middle and one at the end of each step.
         """
@@ -83,9 +88,8 @@ class Bench:
         """platform: in place of the Cartesian one; it starts at t_ns."""
         self.t_ns = t_ns
         self._platform = platform or Platform(params.robot, params.start_m, STEP_NS * 1e-9)
-        self._load = Pendulum(params.pendulum)
-        self._mass_kg = params.pendulum.mass_kg
-        self._platform.carry(self._pull_n)
+        self._load = Load(params)
+        self._platform.carry(self._load.pull_n)
 
     @property
     def position_m(self) -> Position:
@@ -107,6 +111,11 @@ class Bench:
         """Angular velocity of the cable."""
         return self._load.angular_velocity_rad_s
 
+    @property
+    def links(self) -> list[LinkState]:
+        """Angles and rates of the links of the load, from the platform down."""
+        return self._load.links
+
     def set_setpoint(self, position_m: Position) -> None:
         """Set the setpoint of the drives, as a step at the present time."""
         self._platform.set_setpoint(position_m)
@@ -114,7 +123,7 @@ class Bench:
     def advance(self, t_ns: int) -> None:
         """Integrate to exactly t_ns, in steps that end on whole milliseconds.
 
-        Raises ValueError if t_ns is in the past.
+        Raises ValueError if t_ns is in the past, and LoadEvent.
         """
         if t_ns < self.t_ns:
             raise ValueError(
@@ -128,14 +137,10 @@ class Bench:
             else:
                 self._integrate(STEP_NS, min(left_ns // STEP_NS, MAX_BATCH_STEPS))
 
-    def _pull_n(self, acceleration_m_s2: float) -> float:
-        return self._load.pull_n(self._mass_kg, acceleration_m_s2)
-
     def _integrate(self, step_ns: int, steps: int) -> None:
         step_s = step_ns * 1e-9
         if self._platform.still:
             self._load.advance_at_rest(step_s, steps)
         else:
-            vx_m_s, vz_m_s = self._platform.advance(self.t_ns, step_ns, steps)
-            self._load.advance(step_s, vx_m_s, vz_m_s)
+            self._load.advance(step_s, *self._platform.advance(self.t_ns, step_ns, steps))
         self.t_ns += steps * step_ns

@@ -9,6 +9,7 @@ from sim_rig.ball_screw_axis import BallScrewAxis
 from sim_rig.ball_screw_params import BallScrewParams
 from sim_rig.drive_faults import DriveFault
 from sim_rig.drive_logic import SAMPLE_NS, DriveLogic, DriveReading, PoweredLogic
+from sim_rig.robot import Velocities
 
 
 class ScrewPlatform:
@@ -60,8 +61,8 @@ class ScrewPlatform:
         """Take the load: its force on the table [N], of the acceleration of the table [m/s^2]."""
         self._pull_n = pull_n
 
-    def advance(self, t_ns: int, step_ns: int, steps: int) -> tuple[list[float], list[float]]:
-        """Integrate steps from t_ns; return the velocities along x and z [m/s], (2 steps + 1,).
+    def advance(self, t_ns: int, step_ns: int, steps: int) -> Velocities:
+        """Integrate steps from t_ns; return the velocities along x, y, z [m/s], (2 steps + 1,).
 
         The drive is sampled at the end of each whole millisecond.
         """
@@ -82,7 +83,8 @@ class ScrewPlatform:
             t_ns += step_ns
             if t_ns % SAMPLE_NS == 0:
                 self._sample(t_ns)
-        return velocities, [0.0] * len(velocities)
+        still = [0.0] * len(velocities)
+        return velocities, still, still
 
     def _sample(self, t_ns: int) -> None:
         drive = self._drive

@@ -9,6 +9,7 @@ from sim_rig.drive_faults import DriveFault
 from sim_rig.drive_logic import SAMPLE_NS, DriveLogic, DriveReading, PoweredLogic
 from sim_rig.elastic_joint import ElasticJoint
 from sim_rig.joint_params import Joint
+from sim_rig.link_angles import LinkState
 
 
 class JointBench:
@@ -49,6 +50,12 @@ class JointBench:
     def angular_velocity_rad_s(self) -> float:
         """Speed of the load."""
         return self._joint.truth().load_speed_rad_s
+
+    @property
+    def links(self) -> list[LinkState]:
+        """Load at the output shaft, as one link."""
+        truth = self._joint.truth()
+        return [LinkState(truth.load_angle_rad, 0.0, truth.load_speed_rad_s, 0.0)]
 
     def set_setpoint(self, position_m: Position) -> None:
         """Do nothing: the drive takes its targets from the bus."""

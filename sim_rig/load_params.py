@@ -35,7 +35,7 @@ class LinkParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
 
 class LoadParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What the links have in common (`[bench.load]`)."""
+    """Common properties of the links (`[bench.load]`)."""
 
     gravity_m_s2: Annotated[float, Meta(gt=0.0, le=30.0)] = 9.81
     # of every small oscillation under a platform that stands

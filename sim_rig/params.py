@@ -16,6 +16,7 @@ from sim_rig.ball_screw_params import BallScrewParams
 from sim_rig.drive_faults import DriveFault
 from sim_rig.input_check import InputBounds
 from sim_rig.joint_params import Joint
+from sim_rig.load_params import MAX_LINKS, LinkParams, LoadParams, Push
 
 
 class PendulumParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -72,6 +73,10 @@ class BenchParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     """Parameters of the whole plant; raises ValueError if the exposure exceeds the frame period."""
 
     pendulum: PendulumParams = PendulumParams()
+    # in place of the pendulum, from the platform down
+    links: Annotated[tuple[LinkParams, ...], Meta(max_length=MAX_LINKS)] = ()
+    load: LoadParams = LoadParams()  # of the links
+    pushes: tuple[Push, ...] = ()
     robot: RobotParams = RobotParams()
     camera: CameraParams = CameraParams()
     view: View = View()

@@ -14,6 +14,9 @@ REST_M = 1e-15
 REST_M_S = 1e-13
 
 
+Velocities = tuple[list[float], list[float], list[float]]  # along x, y, z
+
+
 class Propagator(NamedTuple):
     """Matrix exp(A t) for the state (error = position - setpoint, velocity)."""
 
@@ -138,12 +141,12 @@ class Platform:
         """True if all axes are at rest at their setpoints."""
         return self.x.still and self.z.still and self.y.still
 
-    def advance(self, t_ns: int, step_ns: int, steps: int) -> tuple[list[float], list[float]]:
-        """Integrate steps; return the velocities along x and z [m/s], (2 steps + 1,)."""
+    def advance(self, t_ns: int, step_ns: int, steps: int) -> Velocities:
+        """Integrate steps; return the velocities along x, y and z [m/s], each (2 steps + 1,)."""
         step_s = step_ns * 1e-9
         substep = self._step if step_s == self._step_s else self.loop.substep(step_s)
-        self.y.advance(substep, steps)  # depth: normal to the plane of the swing
-        return self.x.advance(substep, steps), self.z.advance(substep, steps)
+        x, y, z = (axis.advance(substep, steps) for axis in (self.x, self.y, self.z))
+        return x, y, z
 
     def carry(self, pull_n: Callable[[float], float]) -> None:
         """Do nothing: the load does not move these drives."""

@@ -17,6 +17,7 @@ from sim_rig.bench import Bench, SimulatedPlant
 from sim_rig.params import BenchParams
 from sim_rig.setpoint_port import SetpointPort
 from sim_rig.shutter import Exposure, Shutter
+from sim_rig.spatial_chain import LoadEvent
 
 MakeBench = Callable[[int], SimulatedPlant]  # of the start time [ns]
 TRUTH_NS = 10 * MS
@@ -24,6 +25,7 @@ JOINT_TRUTH_NS = MS  # of an elastic joint, whose load oscillates at 17 Hz
 # longest simulated time in one call, to bound the number of frames; the next wake is immediate
 MAX_CATCH_UP_NS = 250 * MS
 NEVER_NS = 2**63
+EXIT_FAULT = 5  # of a run that ends by a fault
 
 
 class RobotPort(Protocol):
@@ -82,6 +84,7 @@ class BenchTask:
         self._truth_ns = 0
         self._truth_period_ns = TRUTH_NS if params.joint is None else JOINT_TRUTH_NS
         self._sent: Counter[str] = Counter()
+        self._is_broken = False  # by an event of the load
 
     @property
     def late_ticks(self) -> int:
@@ -105,20 +108,36 @@ class BenchTask:
         if isinstance(message, Command):
             text = f"{self.late_ticks} late ticks"
             return Step([self._replies.answer(message, self._port.phase, t_ns, text)])
+        if self._is_broken:
+            return NO_STEP
         if not self._port.takes_effect_at_once:
             return Step(self._port.take(message, t_ns, self._bench))
         step = self.on_tick(t_ns)
-        answers = self._port.take(message, t_ns, self._bench)
+        try:
+            answers = self._port.take(message, t_ns, self._bench)
+        except LoadEvent as event:
+            answers = self._break_off(event, t_ns)
         return step._replace(sends=[*step.sends, *answers])
 
     def on_tick(self, t_ns: int) -> Step:
         """Simulate up to t_ns and send what is due, in the order of time.
 
-        Of several encoder readings only the newest is sent.
+        Of several encoder readings only the newest is sent. After an event of the load that it
+        cannot continue, the simulation ends.
         """
+        if self._is_broken:
+            return NO_STEP
+        sends: list[Send] = []
+        try:
+            wake_ns = self._simulate(t_ns, sends)
+        except LoadEvent as event:
+            return Step([*sends, *self._break_off(event, t_ns)])
+        return Step(sends, max(wake_ns, t_ns))
+
+    def _simulate(self, t_ns: int, sends: list[Send]) -> int:
+        """Simulate up to t_ns, append what is sent, and return the next wake."""
         bench, shutter, port = self._bench, self._shutter, self._port
         end_ns = min(t_ns, bench.t_ns + MAX_CATCH_UP_NS)
-        sends: list[Send] = []
         while True:
             shutter_ns = shutter.next_ns if shutter else NEVER_NS
             due_ns = min(self._truth_ns, shutter_ns, port.next_ns())
@@ -136,25 +155,24 @@ class BenchTask:
         wake_ns = min(self._truth_ns, port.wake_ns())
         if shutter:
             wake_ns = min(wake_ns, shutter.closes_ns)
-        return Step(sends, max(wake_ns, t_ns))
+        return wake_ns
 
     def stop(self, t_ns: int) -> Step:
         """Do nothing; no shutdown action."""
         return NO_STEP
 
+    def _break_off(self, event: LoadEvent, t_ns: int) -> list[Send]:
+        self._is_broken = True
+        return [self._replies.give_up(self._port.phase, t_ns, str(event), EXIT_FAULT)]
+
     def _truth(self, t_ns: int) -> Truth:
-        link = LinkMotion(
-            angle_x_rad=self._bench.angle_rad,
-            angle_y_rad=0.0,
-            rate_x_rad_s=self._bench.angular_velocity_rad_s,
-            rate_y_rad_s=0.0,
-        )
+        links = tuple(LinkMotion(**link._asdict()) for link in self._bench.links)
         return Truth(
             seq=self._seq("truth"),
             t_ns=t_ns,
             position_m=self._bench.position_m,
             velocity_m_s=self._bench.velocity_m_s,
-            links=(link,),
+            links=links,
         )
 
     def _frame(self, exposure: Exposure, exposure_ns: int) -> Frame:

@@ -22,12 +22,19 @@ def measure(problem: Problem, trajectory: Trajectory) -> Metrics:
     swing = replay(model, trajectory, angles_rad=angles0, rates_rad_s=rates0, **ends)
     angles, rates = swing_after(model, trajectory, angles0, rates0, **ends)
     low, high = trajectory.extent(0)
-    return Metrics(
-        peak_swing_rad=swing.peak_rad(),
-        residual_swing_rad=model.amplitude_rad(angles - angles1, rates - rates1),
-        residual_swing_nonlinear_rad=model.amplitude_rad(
+    peak_rad, linear_rad, nonlinear_rad = (
+        swing.peak_rad(),
+        model.amplitude_rad(angles - angles1, rates - rates1),
+        model.amplitude_rad(
             swing.angle_rad[-1] - angles1, swing.angular_velocity_rad_s[-1] - rates1
         ),
+    )
+    if problem.axis == "z":  # a load that hangs at rest keeps hanging
+        peak_rad = linear_rad = nonlinear_rad = 0.0
+    return Metrics(
+        peak_swing_rad=peak_rad,
+        residual_swing_rad=linear_rad,
+        residual_swing_nonlinear_rad=nonlinear_rad,
         peak_speed_m_s=trajectory.peak(1).value,
         rms_speed_m_s=trajectory.rms(1),
         peak_acceleration_m_s2=trajectory.peak(2).value,

@@ -18,6 +18,7 @@ from rig.analysis.identify.latency import swing_error_rms_rad
 from rig.analysis.identify.swing import initial_swing_rad, peak_swing_rad, residual_amplitude_rad
 from rig.analysis.run_log import RunLog
 from rig.analysis.summary import Planned, Quantities, SwingError
+from rig.analysis.true_load import is_beyond_a_pendulum, true_load, true_motion
 
 
 def measured_quantities(run: RunLog, fit: DecayFit | None) -> tuple[Quantities, Quantities]:
@@ -53,6 +54,9 @@ def true_quantities(run: RunLog) -> Quantities | None:
     omega = run.true_omega_rad_s
     if omega is None:
         return None
+    motion = true_motion(run)
+    if is_beyond_a_pendulum(run, motion):
+        return true_load(run, motion)
     load = run.plant_params["pendulum"]
     truth = Quantities(
         natural_frequency_hz=omega / (2 * math.pi),

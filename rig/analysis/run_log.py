@@ -146,20 +146,28 @@ class RunLog:
         return np.array(rows, dtype=np.float64).reshape(-1, 4)
 
     @cached_property
-    def robot(self) -> FloatArray:
-        """Robot states (N, 4).
+    def main_axis(self) -> int:
+        """Axis along which the plan moves most: 0, 1, 2 for x, y, z."""
+        positions = np.array(self.plan.positions_m).reshape(-1, 3)
+        return int(np.argmax(np.ptp(positions, axis=0)))
 
-        Columns: instant of sending [s], commanded x [m], instant of measuring [s], actual x [m].
+    @cached_property
+    def robot(self) -> FloatArray:
+        """Robot states along the main axis (N, 4).
+
+        Columns: instant of sending [s], commanded [m], instant of measuring [s], actual [m].
         """
         states = self.log.read("/robot_state", RobotState)
+        axis = self.main_axis
         rows = [
-            (s.t_ns * 1e-9, s.commanded_m[0], s.t_actual_ns * 1e-9, s.actual_m[0]) for s in states
+            (s.t_ns * 1e-9, s.commanded_m[axis], s.t_actual_ns * 1e-9, s.actual_m[axis])
+            for s in states
         ]
         return np.array(rows, dtype=np.float64).reshape(-1, 4)
 
     def planned_m(self, t_s: FloatArray) -> FloatArray:
-        """Interpolate the planned x [m] at t_s (N,); at rest before and after the plan."""
-        x = np.array([p[0] for p in self.plan.positions_m])
+        """Interpolate the plan along the main axis [m] at t_s (N,); at rest before and after."""
+        x = np.array([p[self.main_axis] for p in self.plan.positions_m])
         grid = (self.t_start_s or 0.0) + self.plan.period_ns * 1e-9 * np.arange(x.size)
         return np.asarray(np.interp(t_s, grid, x), dtype=np.float64)
 

@@ -53,7 +53,7 @@ class ExperimentSection(Section, frozen=True, kw_only=True):
 class MoveSection(Section, frozen=True, kw_only=True):
     """`[move]`: move from rest to rest along one axis, or through the points of a file."""
 
-    axis: Literal["x"] = "x"
+    axis: Literal["x", "y", "z"] = "x"  # y and z without a camera, which sees the swing along x
     start_m: Place = 0.0
     distance_m: Place = 0.2
     # duration; with waypoints: of the whole path, unless the file has t_s
@@ -201,6 +201,9 @@ class BenchSection(Section, frozen=True, kw_only=True):
 
     kind: Literal["simulated", "external"] = "simulated"
     pendulum: dict[str, Any] = {}
+    links: list[dict[str, Any]] = []  # in place of the pendulum
+    load: dict[str, Any] = {}  # what the links have in common
+    pushes: list[dict[str, Any]] = []
     robot: dict[str, Any] = {}
     camera: dict[str, Any] = {}
     drive_faults: list[dict[str, Any]] = []  # of a robot with a drive

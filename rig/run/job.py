@@ -15,7 +15,7 @@ from comms.plan_record import PlanRecord
 from planners import catalog
 from planners.errors import PlanError
 from planners.problem import Limits, Plan, Problem
-from planners.trajectories.motion import Motion
+from planners.trajectories.motion import AXES, Motion
 from rig.errors import ConfigError, Refused
 from rig.run.calibration import file as calibration_file
 from rig.run.config import Experiment
@@ -114,6 +114,7 @@ def prepare(
     if plan is not None and plan.reasons:
         raise Refused(f"the plan exceeds [limits]: {'; '.join(plan.reasons)}")
     _check_policy(experiment)
+    _check_axis(experiment)
     links = planner_model(experiment).links_count
     if links != plant.links:
         raise Refused(
@@ -146,6 +147,18 @@ def prepare(
     )
 
 
+def _check_axis(experiment: Experiment) -> None:
+    """Refuse a move that the camera cannot judge."""
+    move, camera = experiment.move, experiment.camera
+    if not experiment.has_move or move.waypoints or move.axis == "x":
+        return
+    if camera.rate_hz > 0:
+        raise Refused(
+            f"[move] axis = '{move.axis}' with a camera, which sees the swing along x alone; must "
+            "be without: --set camera.rate_hz=0"
+        )
+
+
 def _check_policy(experiment: Experiment) -> None:
     if experiment.controller.policy == "source" and experiment.bench.kind != "simulated":
         raise Refused(
@@ -162,7 +175,8 @@ def _record(experiment: Experiment, plan: Plan | None, motion: Motion | None) ->
     if motion:
         positions = motion.at(t_s)
     else:
-        positions = np.tile([experiment.move.start_m, 0.0, 0.0], (1, 1))
+        start = [experiment.move.start_m if axis == experiment.move.axis else 0.0 for axis in AXES]
+        positions = np.array([start])
     planner = e.planner if motion else "none"
     return PlanRecord(
         planner=plan.planner if plan else planner,

@@ -320,7 +320,7 @@ def test_the_state_space_linearises_the_nonlinear_pendulum_at_rest():
         ({"time_s": 1e6}, "periods of the load's fastest mode; must be <= 1000"),
         ({"distance_m": math.inf}, "distance_m = inf; must be within"),
         ({"start_m": math.nan}, "start_m = nan"),
-        ({"axis": "z"}, "axis = 'z'; must be one of x, y"),
+        ({"axis": "w"}, "axis = 'w'; must be one of x, y, z"),
         ({"input": "acceleraton"}, "did you mean 'acceleration'"),
         ({"law": "harmonics"}, "did you mean 'harmonic'"),
         ({"robust": ("lenght",)}, "parameter in robust = 'lenght'; did you mean 'length'"),

@@ -12,7 +12,7 @@ import msgspec
 
 from comms.task import Task
 from rig.errors import ConfigError, Refused
-from rig.run.config import Experiment
+from rig.run.config import BenchSection, Experiment
 from rig.run.job import Plant, safety_envelope
 from rig.run.tasks.controller.task import COUNTING_POLICY
 from rig.run.toml_file import convert
@@ -23,10 +23,11 @@ from sim_rig.drive_faults import DriveFault
 from sim_rig.drive_logic import DriveLogic, DriveReading
 from sim_rig.input_check import InputBounds
 from sim_rig.joint_params import PARAMETER_SETS, Joint
+from sim_rig.load import Load
+from sim_rig.load_params import LinkParams, LoadParams, Push
 from sim_rig.params import BenchParams, CameraParams, PendulumParams, RobotParams, View
 from sim_rig.task import BenchTask
 
-LINKS = 1  # of the simulated load
 CARTESIAN, BALL_SCREW, ELASTIC_JOINT = "cartesian", "ball_screw", "elastic_joint"
 ROBOTS = (CARTESIAN, BALL_SCREW, ELASTIC_JOINT)
 DriveSensors = DriveReading  # what the logic of a drive is given at a sample
@@ -40,10 +41,7 @@ def params(experiment: Experiment) -> BenchParams:
             "[bench] kind = 'external': there is no driver for an external plant; "
             "must be 'simulated'"
         )
-    for key, usual in (("length_m", CABLE), ("initial_swing_rad", SWING)):
-        value = bench.pendulum.get(key)
-        if isinstance(value, int | float):
-            suspect(f"[bench.pendulum] {key} =", value, usual)
+    _check_load(bench)
     robot = RobotParams()
     axis = joint = None
     kind = robot_kind(experiment)
@@ -56,24 +54,29 @@ def params(experiment: Experiment) -> BenchParams:
         robot = convert(_without_kind(bench.robot), RobotParams, "bench.robot")
     rate_hz = 0.0 if joint is not None else view.rate_hz
     try:
-        return BenchParams(
+        found = BenchParams(
             axis=axis,
             joint=joint,
             drive_faults=_drive_faults(experiment),
             pendulum=convert(bench.pendulum, PendulumParams, "bench.pendulum"),
+            links=tuple(convert(link, LinkParams, "bench.links") for link in bench.links),
+            load=convert(bench.load, LoadParams, "bench.load"),
+            pushes=tuple(convert(push, Push, "bench.pushes") for push in bench.pushes),
             robot=robot,
             camera=convert(bench.camera, CameraParams, "bench.camera"),
             view=View(width=view.width, height=view.height, rate_hz=rate_hz),
             seed=experiment.experiment.seed,
         )
+        Load(found)  # what the simulation cannot hold is said here
     except ValueError as error:
         raise ConfigError(str(error)) from None
+    return found
 
 
 def plant(experiment: Experiment) -> Plant:
     """Describe the plant for the checks before a run. Raises ConfigError as params() does."""
     settings = msgspec.structs.replace(params(experiment), input=_input_bounds(experiment))
-    return Plant(settings, LINKS, has_drive(experiment))
+    return Plant(settings, max(1, len(settings.links)), has_drive(experiment))
 
 
 def has_drive(experiment: Experiment) -> bool:
@@ -96,6 +99,26 @@ def robot_kind(experiment: Experiment) -> str:
             "experiments of the kind joint: change one of the two"
         )
     return str(kind)
+
+
+def _check_load(bench: BenchSection) -> None:
+    """Refuse two descriptions of the load, and numbers that look like those of another unit."""
+    if bench.links and bench.pendulum:
+        raise ConfigError(
+            "[[bench.links]] beside [bench.pendulum]; must be one of the two, as each describes "
+            "the whole load: remove one"
+        )
+    if bench.load and not bench.links:
+        raise ConfigError(
+            "[bench.load] without [[bench.links]]; must be with links: give gravity and damping "
+            "of one link in [bench.pendulum]"
+        )
+    rows = [("[bench.pendulum] length_m", bench.pendulum.get("length_m"), CABLE)]
+    rows += [("[bench.pendulum] initial_swing_rad", bench.pendulum.get("initial_swing_rad"), SWING)]
+    rows += [("[[bench.links]] length_m", link.get("length_m"), CABLE) for link in bench.links]
+    for name, value, usual in rows:
+        if isinstance(value, int | float):
+            suspect(f"{name} =", value, usual)
 
 
 def _drive_faults(experiment: Experiment) -> tuple[DriveFault, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from rich.table import Table
 
 from planners.problem import Plan
+from rig.run.config import ModelSection
 from rig.run.job import Job
 from rig.ui.cli.page import Column, boxed_table
 from rig.ui.link_text import link_faults
@@ -20,9 +21,7 @@ def announcement(job: Job, plan: Plan | None, mode: str) -> Table:
     if plan is not None:
         m = plan.metrics
         table.add_row("plan", _plan_description(plan))
-        table.add_row(
-            "model", f"cable {e.model.cable_m:g} m, damping ratio {e.model.damping_ratio:g}"
-        )
+        table.add_row("model", _model_description(e.model))
         table.add_row(
             "peak demand",
             f"{m.peak_speed_m_s:.3f} m/s (limit {e.limits.speed_m_s:g}), "
@@ -53,6 +52,13 @@ def _clock(job: Job, mode: str) -> str:
     if "drive" in job.settings and job.experiment.joint is None:
         ways = "UDP, CAN and ZeroMQ"
     return f"real time, {len(job.settings) + 1} processes, {ways}"
+
+
+def _model_description(model: ModelSection) -> str:
+    load = f"cable {model.cable_m:g} m"
+    if model.links:
+        load = f"links length:mass:kind {', '.join(model.links)}"
+    return f"{load}, damping ratio {model.damping_ratio:g}"
 
 
 def _motion_description(job: Job) -> str:

@@ -35,7 +35,7 @@ AROUND_S = 0.6  # time shown before and after the move [s]
 
 def position(run: RunLog, twin: RunLog | None) -> Figure:
     """Draw planned, commanded and actual position during the move, and actual minus planned."""
-    panels = TwoPanels("position x [m]", "actual - planned [mm]")
+    panels = TwoPanels(f"position {'xyz'[run.main_axis]} [m]", "actual - planned [mm]")
     upper = panels.upper
     t_sent, commanded, _, _ = run.robot.T
     t0, t1 = _move_window(run)
