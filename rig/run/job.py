@@ -20,6 +20,7 @@ from rig.errors import ConfigError, Refused
 from rig.run.calibration import file as calibration_file
 from rig.run.config import Experiment
 from rig.run.drive_settings import drive_settings
+from rig.run.field_of_view import check_field_of_view
 from rig.run.load_model import planner_model
 from rig.run.node_settings import NodeSettings
 from rig.run.tasks import run_out
@@ -126,10 +127,13 @@ def prepare(
     envelope = safety_envelope(experiment)
     _check_envelope(record, envelope)
     name, calibration = calibration_file.find(experiment)
+    vision = _vision_settings(experiment, calibration)
+    if plan is not None:
+        check_field_of_view(experiment, plan, vision)
     settings: dict[str, Any] = {
         "bench": plant.settings,
         "controller": _controller_settings(experiment, envelope),
-        "vision": _vision_settings(experiment, calibration),
+        "vision": vision,
         "streamer": _streamer_settings(experiment, record, envelope),
     }
     if plant.has_drive:

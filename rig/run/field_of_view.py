@@ -1,0 +1,89 @@
+"""Field of view, before a run: the planned move stays in the picture and the calibrated range."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from planners.problem import Plan
+from planners.replay import replay
+from rig.errors import Refused
+from rig.run.config import Experiment
+from vision.offset_table import TOLERANCE_M
+from vision.task import VisionSettings
+
+MARGIN_PX = 12.0  # beside the cable, for its width and the brightness around it
+FloatArray = npt.NDArray[np.float64]
+
+
+class CableView(NamedTuple):
+    """Ends of the cable that is in the picture, over the move."""
+
+    t_s: FloatArray  # (N,)
+    columns_px: FloatArray  # (N, 2) at the upper and the lower end
+
+
+def check_field_of_view(experiment: Experiment, plan: Plan, vision: VisionSettings) -> None:
+    """Raise Refused where the planned move takes the cable out of the picture.
+
+    Belief alone: model of the load, plan, and pivot and scale of the calibration.
+    """
+    if experiment.camera.rate_hz == 0.0 or plan.problem.axis != "x" or experiment.move.waypoints:
+        return
+    _check_calibrated_range(plan, vision)
+    view = cable_view(plan, vision)
+    low_px = view.columns_px.min(axis=1) - MARGIN_PX
+    high_px = view.columns_px.max(axis=1) + MARGIN_PX
+    beyond_px = np.maximum(-low_px, high_px - (vision.width - 1))
+    worst = int(np.argmax(beyond_px))
+    if beyond_px[worst] <= 0.0:
+        return
+    lower, upper = view.columns_px[worst].min(), view.columns_px[worst].max()
+    room_m = beyond_px[worst] / vision.pixels_per_m
+    raise Refused(
+        f"the plan takes the cable out of the picture {view.t_s[worst]:.2f} s into the move: it "
+        f"spans the columns {lower:.0f} to {upper:.0f}; must be within {MARGIN_PX:.0f} to "
+        f"{vision.width - 1 - MARGIN_PX:.0f}: move {room_m * 1e3:.0f} mm less far, start further "
+        "away, give the move more time, or run without a camera (--set camera.rate_hz=0)"
+    )
+
+
+def _check_calibrated_range(plan: Plan, vision: VisionSettings) -> None:
+    """Raise Refused where the plan leaves the range of the offset table."""
+    if not vision.x_m:
+        return
+    low_m, high_m = plan.motion.x.extent(0)
+    first_m, last_m = vision.x_m[0] - TOLERANCE_M, vision.x_m[-1] + TOLERANCE_M
+    if first_m <= low_m and high_m <= last_m:
+        return
+    raise Refused(
+        f"the plan goes from {low_m:.3f} to {high_m:.3f} m; the calibration of the camera must "
+        f"cover it, and covers {vision.x_m[0]:.3f} to {vision.x_m[-1]:.3f} m: calibrate over a "
+        "wider range with `rig calibrate offsets`, move less far, or run without a table (--set "
+        "vision.calibration=none)"
+    )
+
+
+def cable_view(plan: Plan, vision: VisionSettings) -> CableView:
+    """Project the first link of the planned load to the picture, as the tracker would."""
+    swing = replay(plan.problem.model, plan.motion.x)
+    x_m = plan.motion.x.at(swing.t_s)
+    slope = np.tan(swing.angle_rad[:, 0])
+    pivot_u, pivot_v = vision.pivot_home_px
+    length_px = _first_link_m(plan) * vision.pixels_per_m * np.cos(swing.angle_rad[:, 0])
+    rows = np.stack(
+        [
+            np.full(slope.size, max(0.0, pivot_v)),
+            np.minimum(vision.height - 1.0, pivot_v + length_px),
+        ],
+        axis=1,
+    )
+    columns = pivot_u + vision.pixels_per_m * x_m[:, None] + slope[:, None] * (rows - pivot_v)
+    return CableView(swing.t_s, columns)
+
+
+def _first_link_m(plan: Plan) -> float:
+    parameters = plan.problem.model.parameters
+    return parameters.get("length_1", parameters.get("length", 1.0))
