@@ -98,6 +98,10 @@ EXAMPLES = {
         "study dropouts --planners zv --seeds 2",
         "study dropouts --losses 0,0.1 --seeds 2 --plot dropouts.svg --json",
     ),
+    "study source004": (
+        "study source004 --only 3.33,3.37",
+        "study source004 --page source004.html",
+    ),
     "calibrate": (
         "calibrate offsets --virtual",
         "calibrate offsets --out camera.toml",

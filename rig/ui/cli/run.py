@@ -31,6 +31,7 @@ from rig.ui.cli.output import print_conclusion, print_json, print_summary, worki
 from rig.ui.cli.page import err, print_paragraph, print_table, print_whole
 from rig.ui.cli.planner_comparison import NotRun, Result
 from rig.ui.cli.run_announcement import announcement
+from rig.ui.cli.run_list import list_experiments
 
 RUNS = Path("runs")
 
@@ -83,12 +84,18 @@ def run(
     report: Annotated[
         bool, typer.Option("--report/--no-report", help="HTML report beside the log.")
     ] = True,
+    listing: Annotated[
+        bool,
+        typer.Option("--list", help="List the shipped experiments with their purpose; run none."),
+    ] = False,
 ) -> int:
     """Plan a move, run it, log it, analyse it and write a report.
 
     Of several planners, one that cannot run is listed with its reason and the others run. The
     exit code is the highest one of the runs, or 3 when no planner could run.
     """
+    if listing:
+        return list_experiments(as_json)
     changes = list(overrides or [])
     if seed is not None:
         changes.append(f"experiment.seed={seed}")

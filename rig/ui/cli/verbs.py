@@ -83,6 +83,10 @@ STUDY_VERBS = {
         "rig.ui.cli.study_dropouts:dropouts",
         "Compare the interpolator policies under lost references.",
     ),
+    "source004": VerbRow(
+        "rig.ui.cli.study_source004:source004",
+        "Repeat the experiments of source 004.",
+    ),
 }
 
 CAN_VERBS = {
