@@ -10,13 +10,15 @@ from sim_rig.link_angles import LinkState
 from sim_rig.load import Load
 from sim_rig.params import BenchParams
 from sim_rig.robot import Platform, Velocities
+from sim_rig.vectors import Vector
 
 # Runge-Kutta at 1 ms: error 4e-8 rad after 24 s of setpoint steps, energy drift 3e-13
 STEP_NS = 1_000_000
 MAX_BATCH_STEPS = 1000  # steps whose velocities are in memory at the same time
 
 
-Pull = Callable[[float], float]  # force [N] along +X, of the acceleration [m/s^2] along +X
+# force of the load [N] on a platform of that acceleration [m/s^2], each along x, y, z
+ForceInSpace = Callable[[Vector], Vector]
 
 
 class SimulatedPlant(Protocol):
@@ -69,8 +71,8 @@ class MovingPlatform(Protocol):
     def set_setpoint(self, setpoint_m: Position) -> None:
         """Set the setpoint of the drives, as a step at the present time."""
 
-    def carry(self, pull_n: Pull) -> None:
-        """Take the load, whose pull depends on the acceleration of the platform along X."""
+    def carry(self, force_n: ForceInSpace) -> None:
+        """Take the load, whose force depends on the acceleration of the platform."""
 
     def advance(self, t_ns: int, step_ns: int, steps: int) -> Velocities:
         """Integrate steps from t_ns; return the velocities along x, y, z [m/s], (2 steps + 1,).
@@ -89,7 +91,7 @@ class Bench:
         self.t_ns = t_ns
         self._platform = platform or Platform(params.robot, params.start_m, STEP_NS * 1e-9)
         self._load = Load(params)
-        self._platform.carry(self._load.pull_n)
+        self._platform.carry(self._load.force_n)
 
     @property
     def position_m(self) -> Position:

@@ -10,6 +10,7 @@ from sim_rig.ball_screw_params import BallScrewParams
 from sim_rig.drive_faults import DriveFault
 from sim_rig.drive_logic import SAMPLE_NS, DriveLogic, DriveReading, PoweredLogic
 from sim_rig.robot import Velocities
+from sim_rig.vectors import Vector
 
 
 class ScrewPlatform:
@@ -24,7 +25,7 @@ class ScrewPlatform:
         faults: Sequence[DriveFault] = (),
     ) -> None:
         """make_logic: makes the logic, powered on at t_ns and after each reset of the node."""
-        self._pull_n: Callable[[float], float] | None = None
+        self._load_n: Callable[[Vector], Vector] | None = None
         self._axis = BallScrewAxis(params, measures_error=False)
         self._drive = PoweredLogic(make_logic, t_ns, faults)
         self._tau_m_rad = params.tau_m_rad
@@ -57,9 +58,9 @@ class ScrewPlatform:
     def set_setpoint(self, setpoint_m: Position) -> None:
         """Do nothing: the drive takes its setpoints from the bus."""
 
-    def carry(self, pull_n: Callable[[float], float]) -> None:
+    def carry(self, force_n: Callable[[Vector], Vector]) -> None:
         """Take the load: its force on the table [N], of the acceleration of the table [m/s^2]."""
-        self._pull_n = pull_n
+        self._load_n = force_n
 
     def advance(self, t_ns: int, step_ns: int, steps: int) -> Velocities:
         """Integrate steps from t_ns; return the velocities along x, y, z [m/s], (2 steps + 1,).
@@ -70,8 +71,8 @@ class ScrewPlatform:
         force_n = 0.0
         velocities = [self._truth.velocity_m_s]
         for _ in range(steps):
-            if self._pull_n is not None:
-                force_n = self._pull_n(self._truth.acceleration_m_s2)
+            if self._load_n is not None:
+                force_n = self._load_n((self._truth.acceleration_m_s2, 0.0, 0.0))[0]
             before = self._truth
             self._axis.advance(self._torque_n_m, step_s, force_n)
             self._truth = self._axis.truth()

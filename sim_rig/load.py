@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from sim_rig.link_angles import LinkState
-from sim_rig.load_params import LinkParams, LoadParams
+from sim_rig.load_params import LinkParams, LoadParams, Push
 from sim_rig.params import BenchParams, PendulumParams
 from sim_rig.pendulum import Pendulum
 from sim_rig.spatial_chain import SpatialChain
+from sim_rig.spatial_pendulum import SpatialPendulum
 from sim_rig.vectors import Vector
+
+# speed across the plane that is neglected: a swing of at most 10 urad of a load of 1 m
+PLANE_SPEED_M_S = 3e-5
 
 
 class Load:
@@ -23,9 +28,10 @@ class Load:
         self._pendulum = params.pendulum
         self._plane: Pendulum | None = None
         if params.links:
-            self._chain = SpatialChain(params.links, params.load, params.pushes)
+            self._space = _in_space(params.links, params.load, params.pushes)
         elif params.pushes:
-            self._chain = SpatialChain(*_as_link(params.pendulum), params.pushes)
+            link, load = _as_link(params.pendulum)
+            self._space = _in_space([link], load, params.pushes)
         else:
             self._plane = Pendulum(params.pendulum)
 
@@ -34,7 +40,7 @@ class Load:
         """Angles and rates of the links, from the platform down."""
         plane = self._plane
         if plane is None:
-            return self._chain.links
+            return self._space.links
         return [LinkState(plane.angle_rad, 0.0, plane.angular_velocity_rad_s, 0.0)]
 
     @property
@@ -48,11 +54,11 @@ class Load:
         plane = self._plane
         return self.links[0].rate_x_rad_s if plane is None else plane.angular_velocity_rad_s
 
-    def pull_n(self, acceleration_m_s2: float) -> float:
-        """Compute the force along +X on a pivot that accelerates so along +X [N]."""
+    def force_n(self, acceleration_m_s2: Vector) -> Vector:
+        """Compute the force of the load on a pivot that accelerates so [N]."""
         if self._plane is None:
-            return self._chain.force_n((acceleration_m_s2, 0.0, 0.0))[0]
-        return self._plane.pull_n(self._pendulum.mass_kg, acceleration_m_s2)
+            return self._space.force_n(acceleration_m_s2)
+        return self._plane.force_n(self._pendulum.mass_kg, acceleration_m_s2)
 
     def advance(
         self, step_s: float, vx_m_s: list[float], vy_m_s: list[float], vz_m_s: list[float]
@@ -62,34 +68,45 @@ class Load:
         Raises LoadEvent.
         """
         if self._plane is not None:
-            if not any(vy_m_s):
+            if max(map(abs, vy_m_s)) <= PLANE_SPEED_M_S:
                 self._plane.advance(step_s, vx_m_s, vz_m_s)
                 return
-            self._chain = _leave_plane(self._plane, self._pendulum)
+            self._space = _leave_plane(self._plane, self._pendulum)
             self._plane = None
-        self._chain.advance(step_s, vx_m_s, vy_m_s, vz_m_s)
+        self._space.advance(step_s, vx_m_s, vy_m_s, vz_m_s)
 
     def advance_at_rest(self, step_s: float, steps: int) -> None:
         """Integrate steps of step_s with the pivot at rest. Raises LoadEvent."""
-        load = self._chain if self._plane is None else self._plane
+        load = self._space if self._plane is None else self._plane
         load.advance_at_rest(step_s, steps)
 
 
-def _as_link(pendulum: PendulumParams) -> tuple[list[LinkParams], LoadParams]:
+def _in_space(
+    links: Sequence[LinkParams], load: LoadParams, pushes: Sequence[Push]
+) -> SpatialChain | SpatialPendulum:
+    """Make a load in space, in its fast form where that is enough."""
+    plain = LinkParams(length_m=1.0, mass_kg=1.0)
+    keys = ("joint_stiffness_n_m_rad", "joint_damping_n_m_s_rad", "drag_n_s2_m2")
+    has_joint = any(getattr(links[0], key) != getattr(plain, key) for key in keys)
+    if len(links) > 1 or pushes or has_joint or load.pivot_friction_n_m:
+        return SpatialChain(links, load, pushes)
+    return SpatialPendulum(links[0], load)
+
+
+def _as_link(pendulum: PendulumParams) -> tuple[LinkParams, LoadParams]:
     link = LinkParams(
         length_m=pendulum.length_m,
         mass_kg=pendulum.mass_kg,
         initial_x_rad=pendulum.initial_swing_rad,
     )
     load = LoadParams(gravity_m_s2=pendulum.gravity_m_s2, damping_ratio=pendulum.damping_ratio)
-    return [link], load
+    return link, load
 
 
-def _leave_plane(plane: Pendulum, pendulum: PendulumParams) -> SpatialChain:
+def _leave_plane(plane: Pendulum, pendulum: PendulumParams) -> SpatialPendulum:
     """Continue a planar swing in space."""
-    chain = SpatialChain(*_as_link(pendulum))
+    space = SpatialPendulum(*_as_link(pendulum))
     s, c = math.sin(plane.angle_rad), math.cos(plane.angle_rad)
     rate = plane.angular_velocity_rad_s
-    direction: Vector = (s, 0.0, -c)
-    chain.set_state([direction], [(rate * c, 0.0, rate * s)])
-    return chain
+    space.set_state((s, 0.0, -c), (rate * c, 0.0, rate * s))
+    return space

@@ -17,6 +17,7 @@ from sim_rig.drive_faults import DriveFault
 from sim_rig.input_check import InputBounds
 from sim_rig.joint_params import Joint
 from sim_rig.load_params import MAX_LINKS, LinkParams, LoadParams, Push
+from sim_rig.quattro_params import QuattroParams
 
 
 class PendulumParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -81,6 +82,7 @@ class BenchParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     camera: CameraParams = CameraParams()
     view: View = View()
     axis: BallScrewParams | None = None  # along X, in place of the robot
+    quattro: QuattroParams | None = None  # in place of the robot
     joint: Joint | None = None  # in place of robot and load
     drive_faults: tuple[DriveFault, ...] = ()  # of its drive
     home_m: Position = (0.0, 0.0, 0.0)  # home position, before the camera
@@ -91,6 +93,13 @@ class BenchParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     def start_m(self) -> Position:
         """Position of the platform at the start of the simulation."""
         return (self.home_m[0] + self.robot.start_m, self.home_m[1], self.home_m[2])
+
+    @property
+    def load_kg(self) -> float:
+        """Mass of the load."""
+        if not self.links:
+            return self.pendulum.mass_kg
+        return sum(link.mass_kg for link in self.links) + self.load.tip_mass_kg
 
     def __post_init__(self) -> None:
         if self.view.rate_hz * self.camera.exposure_ms > 1000.0:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from sim_rig import params
+from sim_rig.vectors import Vector
 
 
 class Pendulum:
@@ -32,16 +33,17 @@ class Pendulum:
             2.0 * pendulum.damping_ratio * math.sqrt(pendulum.gravity_m_s2 * pendulum.length_m)
         )
 
-    def pull_n(self, mass_kg: float, acceleration_m_s2: float) -> float:
-        """Compute the force of the load on its pivot along +X [N].
+    def force_n(self, mass_kg: float, acceleration_m_s2: Vector) -> Vector:
+        """Compute the force of the load on its pivot [N]: the tension along the cable.
 
-        Tension times sin(theta), where the tension m (g cos + l theta'^2 - a sin) is that of a
-        pivot that accelerates with a along +X.
+        m ((g + az) cos + l theta'^2 - ax sin) for a pivot that accelerates so; across the plane the
+        load stays behind.
         """
+        ax, _, az = acceleration_m_s2
         s, c = math.sin(self.angle_rad), math.cos(self.angle_rad)
         central_m_s2 = self._length_m * self.angular_velocity_rad_s**2
-        tension_n = mass_kg * (self._gravity_m_s2 * c + central_m_s2 - acceleration_m_s2 * s)
-        return tension_n * s
+        tension_n = mass_kg * ((self._gravity_m_s2 + az) * c + central_m_s2 - ax * s)
+        return tension_n * s, 0.0, -tension_n * c
 
     def advance(self, step_s: float, vx_m_s: list[float], vz_m_s: list[float]) -> None:
         """Integrate (N - 1) / 2 steps of step_s with a moving pivot (Runge-Kutta 4).

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from comms.messages import Position, Velocity
 from sim_rig import params
+from sim_rig.vectors import Vector
 
 # an axis closer to its setpoint and slower than this is at rest
 REST_M = 1e-15
@@ -148,7 +149,7 @@ class Platform:
         x, y, z = (axis.advance(substep, steps) for axis in (self.x, self.y, self.z))
         return x, y, z
 
-    def carry(self, pull_n: Callable[[float], float]) -> None:
+    def carry(self, force_n: Callable[[Vector], Vector]) -> None:
         """Do nothing: the load does not move these drives."""
 
     def set_setpoint(self, setpoint_m: Position) -> None:

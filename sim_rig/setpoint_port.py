@@ -5,7 +5,15 @@ from __future__ import annotations
 from collections import deque
 
 from comms.channels import MS
-from comms.messages import Message, Phase, Position, Setpoint, Velocity, axis_state
+from comms.messages import (
+    JointState,
+    JointValues,
+    Message,
+    Phase,
+    Position,
+    Setpoint,
+    axis_state,
+)
 from comms.replies import Replies
 from comms.task import Send
 from sim_rig.bench import SimulatedPlant
@@ -22,6 +30,7 @@ FAULT_CODE = 5  # exit code of a run in which the robot stopped by itself
 class SetpointPort:
     """Setpoints in, encoder readings out; stops by itself at a setpoint outside the bounds."""
 
+    expected = "x, y, z in m"
     takes_effect_at_once = False  # it is queued until the next sample of the drives
 
     def __init__(self, params: BenchParams, replies: Replies) -> None:
@@ -30,11 +39,11 @@ class SetpointPort:
         self._replies = replies
         self._check = InputCheck(params.input, params.start_m) if params.input else None
         self._tick_ns = 0
-        # (effective from [ns], position): arrived, not yet sampled by the drives
-        self._setpoints: deque[tuple[int, Position]] = deque()
-        self._setpoint_m = params.start_m
+        # (effective from [ns], values of the joints): arrived, not yet sampled by the drives
+        self._setpoints: deque[tuple[int, JointValues]] = deque()
+        self._setpoint: JointValues | None = None
         self._seq = 0
-        self._reading: tuple[int, Position, Velocity] | None = None
+        self._reading: JointState | None = None
 
     def begin(self, t_ns: int) -> None:
         """Start the grid of the readings."""
@@ -52,13 +61,13 @@ class SetpointPort:
         """Read the encoders where that is due."""
         if t_ns == self._tick_ns:
             self.late += self._reading is not None
-            self._reading = t_ns, bench.position_m, bench.velocity_m_s
+            self._reading = self._measured(t_ns, bench)
             self._tick_ns += TICK_NS
 
     def apply(self, t_ns: int, bench: SimulatedPlant) -> list[Send]:
         """Give the drives the setpoint that they sample now."""
         while self._setpoints and self._setpoints[0][0] == t_ns:
-            bench.set_setpoint(self._setpoints.popleft()[1])
+            self._give(self._setpoints.popleft()[1], bench)
         return []
 
     def take(self, message: Message, t_ns: int, bench: SimulatedPlant) -> list[Send]:
@@ -66,28 +75,39 @@ class SetpointPort:
         if not isinstance(message, Setpoint) or self.phase is Phase.FAULT:
             return []
         self.phase = Phase.RUNNING
-        position_m = message.position_m
+        position_m = self._position_m(message)
         if position_m is None:
             text = f"setpoint of {message.count} joints in {message.space.value}"
-            return self._stop_by_itself(f"{text}; must be x, y, z in m", t_ns)
+            return self._stop_by_itself(f"{text}; must be {self.expected}", t_ns)
         if self._check is not None:
             excess = self._check.excess(message.seq, message.t_ns, position_m)
             if excess is not None and self._check.stops:
                 return self._stop_by_itself(f"setpoint outside the envelope: {excess}", t_ns)
-        if position_m != self._setpoint_m:  # unchanged: no stop of the integration
-            self._setpoint_m = position_m
+        if message.values != self._setpoint:  # unchanged: no stop of the integration
+            self._setpoint = message.values
             effective_ns = t_ns - t_ns % DRIVE_SAMPLE_NS + DRIVE_SAMPLE_NS
-            self._setpoints.append((effective_ns, position_m))
+            self._setpoints.append((effective_ns, message.values))
         return []
 
     def flush(self, t_ns: int) -> list[Send]:
         """Send the newest reading."""
         if self._reading is None:
             return []
-        reading = axis_state(self._seq, *self._reading)
-        self._seq += 1
-        self._reading = None
+        reading, self._reading = self._reading, None
         return [Send("joint_state", reading, t_ns)]
+
+    def _position_m(self, setpoint: Setpoint) -> Position | None:
+        """Compute the position that a setpoint asks for; None where it is for another robot."""
+        return setpoint.position_m
+
+    def _give(self, values: JointValues, bench: SimulatedPlant) -> None:
+        """Give the drives the values of a setpoint."""
+        bench.set_setpoint((values[0], values[1], values[2]))
+
+    def _measured(self, t_ns: int, bench: SimulatedPlant) -> JointState:
+        """Read the encoders."""
+        self._seq += 1
+        return axis_state(self._seq - 1, t_ns, bench.position_m, bench.velocity_m_s)
 
     def _stop_by_itself(self, text: str, t_ns: int) -> list[Send]:
         self.phase = Phase.FAULT

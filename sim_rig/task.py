@@ -15,6 +15,7 @@ from comms.replies import Replies
 from comms.task import NO_STEP, Send, Step
 from sim_rig.bench import Bench, SimulatedPlant
 from sim_rig.params import BenchParams
+from sim_rig.quattro_port import QuattroPort
 from sim_rig.setpoint_port import SetpointPort
 from sim_rig.shutter import Exposure, Shutter
 from sim_rig.spatial_chain import LoadEvent
@@ -75,11 +76,14 @@ class BenchTask:
     ) -> None:
         """make_bench, port: of another robot than the Cartesian one that takes setpoints."""
         self._params = params
+        self._replies = Replies(self.name)
+        if params.quattro is not None:
+            quattro = QuattroPort(params, params.quattro, self._replies)
+            make_bench, port = quattro.make_bench, quattro
         self._make_bench: MakeBench = make_bench or (lambda t_ns: Bench(params, t_ns))
         self._bench = self._make_bench(0)
         # draws its noisy screens once, here
         self._shutter = Shutter(params) if params.view.rate_hz > 0.0 else None
-        self._replies = Replies(self.name)
         self._port: RobotPort = port or SetpointPort(params, self._replies)
         self._truth_ns = 0
         self._truth_period_ns = TRUTH_NS if params.joint is None else JOINT_TRUTH_NS

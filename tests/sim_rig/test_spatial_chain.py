@@ -14,6 +14,7 @@ from sim_rig.load_params import LinkParams, LoadParams, Push
 from sim_rig.params import PendulumParams
 from sim_rig.pendulum import Pendulum
 from sim_rig.spatial_chain import LoadEvent, SpatialChain
+from sim_rig.spatial_pendulum import SpatialPendulum
 
 FloatArray = NDArray[np.float64]
 STEP_S = 1e-3
@@ -101,7 +102,36 @@ def test_the_plane_of_a_single_link_is_that_of_the_planar_pendulum() -> None:
     assert link.angle_x_rad == pytest.approx(plane.angle_rad, abs=1e-11)
     assert link.rate_x_rad_s == pytest.approx(plane.angular_velocity_rad_s, abs=1e-11)
     assert link.angle_y_rad == 0.0
-    assert space.force_n((1.3, 0.0, 0.0))[0] == pytest.approx(plane.pull_n(0.7, 1.3), rel=1e-9)
+    pivot = (1.3, 0.0, -0.4)
+    assert space.force_n(pivot) == pytest.approx(plane.force_n(0.7, pivot), rel=1e-9)
+
+
+def test_the_fast_form_of_one_link_is_the_chain() -> None:
+    link = LinkParams(length_m=0.7, mass_kg=0.9, initial_x_rad=0.3, initial_rate_y_rad_s=0.5)
+    load = LoadParams(damping_ratio=0.02)
+    forms: list[SpatialChain | SpatialPendulum] = [
+        SpatialChain([link], load),
+        SpatialPendulum(link, load),
+    ]
+    t_s = np.arange(0, 2001) * STEP_S / 2.0
+    v = [(0.2 * np.sin(rate * t_s)).tolist() for rate in (3.0, 4.0, 5.0)]
+    for form in forms:
+        form.advance(STEP_S, *v)
+        form.advance_at_rest(STEP_S, 700)
+    chain, fast = forms
+    assert fast.links[0] == pytest.approx(chain.links[0], abs=1e-13)
+    pivot = (0.3, -0.2, 0.1)
+    assert fast.force_n(pivot) == pytest.approx(chain.force_n(pivot), rel=1e-12)
+
+
+def test_the_fast_form_goes_slack_as_the_chain_does() -> None:
+    link = LinkParams(length_m=1.0, mass_kg=0.7, initial_rate_x_rad_s=5.5)
+    events = []
+    for form in (SpatialChain([link], FREE), SpatialPendulum(link, FREE)):
+        with pytest.raises(LoadEvent) as caught:
+            form.advance_at_rest(STEP_S, 2000)
+        events.append(str(caught.value))
+    assert events[0] == events[1]
 
 
 @pytest.mark.parametrize("turned", [0.4, 1.0, 2.5])
