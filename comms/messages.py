@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+from collections.abc import Sequence
 from typing import Annotated, Any
 
 import msgspec
@@ -153,6 +154,31 @@ def axis_state(seq: int, t_ns: int, position_m: Position, velocity_m_s: Velocity
         values=(*position_m, 0.0, 0.0, 0.0),
         rates=(*velocity_m_s, 0.0, 0.0, 0.0),
     )
+
+
+def joint_setpoint(seq: int, t_ns: int, joints_rad: Sequence[float]) -> Setpoint:
+    """Make the setpoint of a robot with up to six joints that turn."""
+    values, count = _six(joints_rad), len(joints_rad)
+    return Setpoint(seq=seq, t_ns=t_ns, space=Space.RADIANS, count=count, values=values)
+
+
+def joint_state(
+    seq: int, t_ns: int, joints_rad: Sequence[float], rates_rad_s: Sequence[float]
+) -> JointState:
+    """Make the joint state of a robot with up to six joints that turn."""
+    return JointState(
+        seq=seq,
+        t_ns=t_ns,
+        space=Space.RADIANS,
+        count=len(joints_rad),
+        values=_six(joints_rad),
+        rates=_six(rates_rad_s),
+    )
+
+
+def _six(values: Sequence[float]) -> JointValues:
+    a, b, c, d, e, f = (*values, *([0.0] * (6 - len(values))))
+    return a, b, c, d, e, f
 
 
 class Frame(Message, frozen=True, gc=False, kw_only=True):

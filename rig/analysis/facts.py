@@ -34,6 +34,13 @@ class EnvelopeFacts(msgspec.Struct, frozen=True):
     acceleration_m_s2: float = math.inf
 
 
+class RobotFacts(msgspec.Struct, frozen=True):
+    """Kinematics of the controller; that of older logs is of axes."""
+
+    kinematics: str = "axes"
+    home_z_m: float = -0.90
+
+
 class ControllerFacts(msgspec.Struct, frozen=True):
     """Keys of `controller.json` that the analysis uses; older logs have no such file."""
 
@@ -42,6 +49,7 @@ class ControllerFacts(msgspec.Struct, frozen=True):
     playout_ns: int = 0
     servo_lag_ns: int = 20_000_000
     following_error_m: float = math.inf
+    robot: RobotFacts = RobotFacts()
 
     @property
     def delay_s(self) -> float:

@@ -7,14 +7,14 @@ of speed over the 30 ms window of the interpolation.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from comms.messages import Command, JointState, Message, Phase, RobotState, Setpoint, Verb
+from comms.messages import Command, JointState, Phase, RobotState, Setpoint, Verb
 from rig.analysis.facts import EnvelopeFacts
+from rig.analysis.platform_path import PlatformPath
 from rig.analysis.run_log import RunLog
 from rig.analysis.summary import MotionPeaks
 
@@ -65,23 +65,22 @@ def motion_peaks(run: RunLog) -> MotionPeaks:
 def _setpoints(run: RunLog) -> SentPath:
     """Read the setpoints up to the first stop, after which the robot holds."""
     end_ns = _stop_ns(run)
-    sent = [s for s in run.log.read("/setpoint", Setpoint) if s.position_m is not None]
-    t_ns = _stamps_ns(sent)
-    position = np.array([s.position_m for s in sent]).reshape(-1, 3)
+    path = PlatformPath(run.controller.robot)
+    sent = list(path.setpoints(run.log.read("/setpoint", Setpoint)))
+    t_ns = np.array([t for t, _ in sent], dtype=np.int64)
+    position = np.array([place for _, place in sent]).reshape(-1, 3)
     moving = t_ns < end_ns
     return SentPath(t_ns[moving], position[moving])
 
 
 def _actual(run: RunLog) -> ActualPath:
-    """Read what the encoders measured, for a robot whose joints are the axes x, y, z."""
-    joints = [j for j in run.log.read("/joint_state", JointState) if j.position_m is not None]
-    position = np.array([j.position_m for j in joints]).reshape(-1, 3)
-    velocity = np.array([j.velocity_m_s for j in joints]).reshape(-1, 3)
-    return ActualPath(_stamps_ns(joints), position, velocity)
-
-
-def _stamps_ns(messages: Sequence[Message]) -> IntArray:
-    return np.array([m.t_ns for m in messages], dtype=np.int64)
+    """Read what the encoders measured."""
+    path = PlatformPath(run.controller.robot)
+    states = list(path.states(run.log.read("/joint_state", JointState)))
+    t_ns = np.array([t for t, _, _ in states], dtype=np.int64)
+    position = np.array([place for _, place, _ in states]).reshape(-1, 3)
+    velocity = np.array([v for _, _, v in states]).reshape(-1, 3)
+    return ActualPath(t_ns, position, velocity)
 
 
 def _stop_ns(run: RunLog) -> float:

@@ -19,6 +19,7 @@ from comms.link import LinkFaults
 from comms.udp import is_loopback
 from rig.errors import ConfigError
 from rig.run import links
+from rig.run.controller_section import ControllerSection, RobotSection
 from rig.run.drive_section import AxisDriveSection, CanSection, DriveSection
 from rig.run.joint.sections import JointSection
 from rig.run.toml_file import (
@@ -132,18 +133,6 @@ class SafetySection(Section, frozen=True, kw_only=True):
     initial_swing_rad: Annotated[float, Meta(ge=0, le=1.6)] = 0.01
 
 
-class ControllerSection(Section, frozen=True, kw_only=True):
-    """`[controller]`: interpolator policy.
-
-    bounded: setpoints keep the [safety] envelope whatever is lost; buffer: the same, playout_ms
-    later and with gaps bridged; source: a gap in the references is made good in one window of
-    30 ms, as in the source (simulated bench only).
-    """
-
-    policy: Literal["bounded", "buffer", "source"] = "bounded"
-    playout_ms: Annotated[float, Meta(ge=10, le=1000)] = 100.0  # of the policy buffer
-
-
 class CameraSection(Section, frozen=True, kw_only=True):
     """`[camera]`: size and rate of the pictures; rate_hz = 0 runs without a camera."""
 
@@ -218,6 +207,7 @@ class Experiment(Section, frozen=True, kw_only=True):
     plan: PlanSection = PlanSection()
     limits: LimitsSection = LimitsSection()
     safety: SafetySection = SafetySection()
+    robot: RobotSection = RobotSection()
     controller: ControllerSection = ControllerSection()
     camera: CameraSection = CameraSection()
     vision: VisionSection = VisionSection()

@@ -21,9 +21,11 @@ from rig.run.calibration import file as calibration_file
 from rig.run.config import Experiment
 from rig.run.drive_settings import drive_settings
 from rig.run.field_of_view import check_field_of_view
+from rig.run.joint_space import check_joint_space
 from rig.run.load_model import planner_model
 from rig.run.node_settings import NodeSettings
 from rig.run.tasks import run_out
+from rig.run.tasks.controller.joints import Kinematics, RobotSettings
 from rig.run.tasks.controller.task import ControllerSettings
 from rig.run.tasks.safety import Envelope, Gate
 from rig.run.tasks.streamer import PERIOD_NS, StreamerSettings
@@ -63,11 +65,12 @@ class Job(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Plant(NamedTuple):
-    """Plant of a run: settings of its task, number of links of its load, and if it has a drive."""
+    """Plant of a run: settings of its task, links of its load, if it has a drive, its joints."""
 
     settings: Any
     links: int
     has_drive: bool = False
+    kinematics: Kinematics = "axes"
 
 
 def _plant(settings: Any) -> Any:
@@ -127,12 +130,14 @@ def prepare(
     envelope = safety_envelope(experiment)
     _check_envelope(record, envelope)
     name, calibration = calibration_file.find(experiment)
+    robot = _robot(experiment, plant)
+    check_joint_space(record, robot, experiment.robot)
     vision = _vision_settings(experiment, calibration)
     if plan is not None:
         check_field_of_view(experiment, plan, vision)
     settings: dict[str, Any] = {
         "bench": plant.settings,
-        "controller": _controller_settings(experiment, envelope),
+        "controller": _controller_settings(experiment, envelope, robot),
         "vision": vision,
         "streamer": _streamer_settings(experiment, record, envelope),
     }
@@ -231,7 +236,16 @@ def _check_envelope(record: PlanRecord, envelope: Envelope) -> None:
             )
 
 
-def _controller_settings(experiment: Experiment, envelope: Envelope) -> ControllerSettings:
+def _robot(experiment: Experiment, plant: Plant) -> RobotSettings:
+    """Choose the kinematics of the controller; auto: by the kind of joints of the plant."""
+    section = experiment.robot
+    kinematics = plant.kinematics if section.kinematics == "auto" else section.kinematics
+    return RobotSettings(kinematics=kinematics, home_z_m=section.home_z_m)
+
+
+def _controller_settings(
+    experiment: Experiment, envelope: Envelope, robot: RobotSettings
+) -> ControllerSettings:
     s = experiment.safety
     return ControllerSettings(
         reference_stale_ns=round(s.reference_stale_ms * MS),
@@ -242,6 +256,7 @@ def _controller_settings(experiment: Experiment, envelope: Envelope) -> Controll
         servo_lag_ns=round(s.servo_lag_ms * MS),
         following_error_m=s.following_error_mm * 1e-3,
         following_error_ns=round(s.following_error_ms * MS),
+        robot=robot,
     )
 
 

@@ -14,6 +14,7 @@ from comms.task import Task
 from rig.errors import ConfigError, Refused
 from rig.run.config import BenchSection, Experiment
 from rig.run.job import Plant, safety_envelope
+from rig.run.tasks.controller.joints import Kinematics
 from rig.run.tasks.controller.task import COUNTING_POLICY
 from rig.run.toml_file import convert
 from rig.run.units import CABLE, SWING, suspect
@@ -26,10 +27,12 @@ from sim_rig.joint_params import PARAMETER_SETS, Joint
 from sim_rig.load import Load
 from sim_rig.load_params import LinkParams, LoadParams, Push
 from sim_rig.params import BenchParams, CameraParams, PendulumParams, RobotParams, View
+from sim_rig.quattro_params import QuattroParams
 from sim_rig.task import BenchTask
 
-CARTESIAN, BALL_SCREW, ELASTIC_JOINT = "cartesian", "ball_screw", "elastic_joint"
-ROBOTS = (CARTESIAN, BALL_SCREW, ELASTIC_JOINT)
+CARTESIAN, QUATTRO = "cartesian", "quattro"
+BALL_SCREW, ELASTIC_JOINT = "ball_screw", "elastic_joint"
+ROBOTS = (CARTESIAN, QUATTRO, BALL_SCREW, ELASTIC_JOINT)
 DriveSensors = DriveReading  # what the logic of a drive is given at a sample
 
 
@@ -43,13 +46,16 @@ def params(experiment: Experiment) -> BenchParams:
         )
     _check_load(bench)
     robot = RobotParams()
-    axis = joint = None
+    axis = joint = quattro = None
     kind = robot_kind(experiment)
     if kind == ELASTIC_JOINT:
         joint = _joint(bench.robot)
     elif kind == BALL_SCREW:
         axis = convert(_without_kind(bench.robot), BallScrewParams, "bench.robot")
         robot = RobotParams(start_m=axis.start_m)
+    elif kind == QUATTRO:
+        quattro = convert(_without_kind(bench.robot), QuattroParams, "bench.robot")
+        robot = RobotParams(start_m=quattro.start_m)
     else:
         robot = convert(_without_kind(bench.robot), RobotParams, "bench.robot")
     rate_hz = 0.0 if joint is not None else view.rate_hz
@@ -57,6 +63,7 @@ def params(experiment: Experiment) -> BenchParams:
         found = BenchParams(
             axis=axis,
             joint=joint,
+            quattro=quattro,
             drive_faults=_drive_faults(experiment),
             pendulum=convert(bench.pendulum, PendulumParams, "bench.pendulum"),
             links=tuple(convert(link, LinkParams, "bench.links") for link in bench.links),
@@ -76,7 +83,8 @@ def params(experiment: Experiment) -> BenchParams:
 def plant(experiment: Experiment) -> Plant:
     """Describe the plant for the checks before a run. Raises ConfigError as params() does."""
     settings = msgspec.structs.replace(params(experiment), input=_input_bounds(experiment))
-    return Plant(settings, max(1, len(settings.links)), has_drive(experiment))
+    kinematics: Kinematics = "axes" if settings.quattro is None else "quattro"
+    return Plant(settings, max(1, len(settings.links)), has_drive(experiment), kinematics)
 
 
 def has_drive(experiment: Experiment) -> bool:

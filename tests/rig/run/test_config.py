@@ -21,7 +21,7 @@ from rig.run.runtime import bench
 
 SMALLEST = '[experiment]\nname = "mine"\n'
 SECTIONS = (
-    "experiment, move, model, plan, limits, safety, controller, camera, vision, links, "
+    "experiment, move, model, plan, limits, safety, robot, controller, camera, vision, links, "
     "network, record, can, drive, joint, bench"
 )
 LINKS = "reference, setpoint, joint_state, robot_state, platform_1, frame_1, angle_1"

@@ -16,7 +16,7 @@ from comms.messages import (
 )
 from comms.task import Send
 from rig.run.tasks.controller.following import FollowingWatch
-from rig.run.tasks.controller.platform import PlatformState
+from rig.run.tasks.controller.joints import PlatformState
 from rig.run.tasks.controller.task import ControllerSettings, ControllerTask
 
 MS = 1_000_000

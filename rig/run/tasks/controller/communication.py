@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from comms.messages import Phase, Position, Reference, RobotState
 from comms.task import Send
-from rig.run.tasks.controller.platform import PlatformState
+from rig.run.tasks.controller.joints import PlatformState
 
 
 class Communication:

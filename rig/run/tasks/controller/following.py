@@ -7,7 +7,7 @@ from collections import deque
 
 from comms.channels import MS
 from comms.messages import Position
-from rig.run.tasks.controller.platform import PlatformState
+from rig.run.tasks.controller.joints import PlatformState
 from rig.run.tasks.grid import TICK_NS
 
 

@@ -13,16 +13,16 @@ from comms.messages import (
     Position,
     Reference,
     Verb,
-    axis_setpoint,
 )
 from comms.replies import Replies
 from comms.task import NO_STEP, Send, Step
+from planners.errors import PlanError
 from rig.errors import FAULT
 from rig.run.tasks.controller.communication import Communication
 from rig.run.tasks.controller.following import FollowingWatch
 from rig.run.tasks.controller.interpolator import POLICIES, Interpolator, PolicySettings
+from rig.run.tasks.controller.joints import RobotSettings, robot_joints
 from rig.run.tasks.controller.phase import ORDERS, Trigger, next_phase, refusal
-from rig.run.tasks.controller.platform import platform_state
 from rig.run.tasks.controller.setpoint_gate import SetpointGate
 from rig.run.tasks.grid import TICK_NS, TICK_S, TICKS, slowed_by_pause
 from rig.run.tasks.pause import PauseMeter
@@ -48,6 +48,7 @@ class ControllerSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
     servo_lag_ns: int = 20 * MS
     following_error_m: float = 0.02  # largest one, for longer than following_error_ns
     following_error_ns: int = 50 * MS
+    robot: RobotSettings = RobotSettings()
 
 
 class ControllerTask:
@@ -61,6 +62,7 @@ class ControllerTask:
 
     def __init__(self, settings: ControllerSettings) -> None:
         self._settings = settings
+        self._joints = robot_joints(settings.robot)
         self._reference_stale_ns = settings.reference_stale_ns
         self._robot_stale_ns = settings.robot_stale_ns
         self._phase = Phase.IDLE
@@ -98,11 +100,11 @@ class ControllerTask:
         return NO_STEP
 
     def _take_joints(self, joints: JointState, t_ns: int) -> None:
-        platform = platform_state(joints)
+        platform = self._joints.platform(joints)
         if platform is None:
             self._unusable = (
-                f"joint states of {joints.count} joints in {joints.space.value}; must be x, y, z "
-                "in m: the robot of the bench is not that of the controller"
+                f"joint states of {joints.count} joints in {joints.space.value}; must be "
+                f"{self._joints.expected}: the robot of the bench is not that of the controller"
             )
             return
         self._unusable = ""
@@ -137,7 +139,11 @@ class ControllerTask:
             self._setpoint = self._run_out.next() or self._setpoint
         else:
             self._run_out.follow(self._setpoint)
-        message = axis_setpoint(self._seq, t_ns, self._setpoint)
+        try:
+            message = self._joints.setpoint(self._seq, t_ns, self._setpoint)
+        except PlanError as error:
+            text = f"setpoint out of reach: {error}; the robot stops"
+            return (*reports, *self._fail(Trigger.ENVELOPE_LEFT, text, t_ns))
         self._seq += 1
         self._following.add_setpoint(t_ns, self._setpoint)
         return (Send("setpoint", message, t_ns), *reports)
