@@ -46,6 +46,12 @@ class SimulatedPlant(Protocol):
     def links(self) -> list[LinkState]:
         """Angles and rates of the links of the load."""
 
+    def await_run(self) -> None:
+        """Let the events of the load wait for the start of the run."""
+
+    def start_run(self, t_ns: int) -> None:
+        """Set the start of the run, from which the events of the load count."""
+
     def set_setpoint(self, position_m: Position) -> None:
         """Set the setpoint of the drives, where they take one of position."""
 
@@ -117,6 +123,14 @@ class Bench:
     def links(self) -> list[LinkState]:
         """Angles and rates of the links of the load, from the platform down."""
         return self._load.links
+
+    def await_run(self) -> None:
+        """Let the events of the load wait for the start of the run."""
+        self._load.await_run()
+
+    def start_run(self, t_ns: int) -> None:
+        """Set the start of the run, from which the events of the load count."""
+        self._load.start_run((t_ns - self.t_ns) * 1e-9)
 
     def set_setpoint(self, position_m: Position) -> None:
         """Set the setpoint of the drives, as a step at the present time."""

@@ -57,6 +57,12 @@ class JointBench:
         truth = self._joint.truth()
         return [LinkState(truth.load_angle_rad, 0.0, truth.load_speed_rad_s, 0.0)]
 
+    def await_run(self) -> None:
+        """Do nothing: the load has no events."""
+
+    def start_run(self, t_ns: int) -> None:
+        """Do nothing: the load has no events."""
+
     def set_setpoint(self, position_m: Position) -> None:
         """Do nothing: the drive takes its targets from the bus."""
 

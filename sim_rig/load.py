@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from sim_rig.hoisted_pendulum import HoistedPendulum
 from sim_rig.link_angles import LinkState
-from sim_rig.load_params import LinkParams, LoadParams, Push
+from sim_rig.load_params import LengthChange, LinkParams, LoadParams, Push
 from sim_rig.params import BenchParams, PendulumParams
 from sim_rig.pendulum import Pendulum
 from sim_rig.spatial_chain import SpatialChain
@@ -27,11 +28,12 @@ class Load:
     def __init__(self, params: BenchParams) -> None:
         self._pendulum = params.pendulum
         self._plane: Pendulum | None = None
+        self._elapsed_s = 0.0
         if params.links:
-            self._space = _in_space(params.links, params.load, params.pushes)
-        elif params.pushes:
+            self._space = _in_space(params.links, params.load, params.pushes, params.length_changes)
+        elif params.pushes or params.length_changes:
             link, load = _as_link(params.pendulum)
-            self._space = _in_space([link], load, params.pushes)
+            self._space = _in_space([link], load, params.pushes, params.length_changes)
         else:
             self._plane = Pendulum(params.pendulum)
 
@@ -54,6 +56,18 @@ class Load:
         plane = self._plane
         return self.links[0].rate_x_rad_s if plane is None else plane.angular_velocity_rad_s
 
+    def await_run(self) -> None:
+        """Let pushes and changes of length wait for the start of the run."""
+        self._set_run_start(math.inf)
+
+    def start_run(self, in_s: float) -> None:
+        """Set the start of the run, so many seconds from now."""
+        self._set_run_start(self._elapsed_s + in_s)
+
+    def _set_run_start(self, at_s: float) -> None:
+        if self._plane is None:
+            self._space.run_start_s = at_s
+
     def force_n(self, acceleration_m_s2: Vector) -> Vector:
         """Compute the force of the load on a pivot that accelerates so [N]."""
         if self._plane is None:
@@ -67,6 +81,7 @@ class Load:
 
         Raises LoadEvent.
         """
+        self._elapsed_s += step_s * (len(vx_m_s) // 2)
         if self._plane is not None:
             if max(map(abs, vy_m_s)) <= PLANE_SPEED_M_S:
                 self._plane.advance(step_s, vx_m_s, vz_m_s)
@@ -77,18 +92,33 @@ class Load:
 
     def advance_at_rest(self, step_s: float, steps: int) -> None:
         """Integrate steps of step_s with the pivot at rest. Raises LoadEvent."""
+        self._elapsed_s += step_s * steps
         load = self._space if self._plane is None else self._plane
         load.advance_at_rest(step_s, steps)
 
 
 def _in_space(
-    links: Sequence[LinkParams], load: LoadParams, pushes: Sequence[Push]
+    links: Sequence[LinkParams],
+    load: LoadParams,
+    pushes: Sequence[Push],
+    changes: Sequence[LengthChange],
 ) -> SpatialChain | SpatialPendulum:
-    """Make a load in space, in its fast form where that is enough."""
+    """Make a load in space, in its fast form where that is enough.
+
+    Raises ValueError for a change of length of another load than one plain cable.
+    """
     plain = LinkParams(length_m=1.0, mass_kg=1.0)
     keys = ("joint_stiffness_n_m_rad", "joint_damping_n_m_s_rad", "drag_n_s2_m2")
     has_joint = any(getattr(links[0], key) != getattr(plain, key) for key in keys)
-    if len(links) > 1 or pushes or has_joint or load.pivot_friction_n_m:
+    is_plain = len(links) == 1 and not (pushes or has_joint or load.pivot_friction_n_m)
+    if changes:
+        if not is_plain or links[0].kind != "point":
+            raise ValueError(
+                "[[bench.length_changes]] of this load; must be one cable without joint, drag, "
+                "friction and pushes: simplify the load, or leave the changes out"
+            )
+        return HoistedPendulum(links[0], load, changes)
+    if not is_plain:
         return SpatialChain(links, load, pushes)
     return SpatialPendulum(links[0], load)
 

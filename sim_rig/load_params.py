@@ -47,8 +47,7 @@ class LoadParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 class Push(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Push by hand (`[[bench.pushes]]`): a constant force on the lower end of a link.
 
-    Times are those of the bench, which starts before the run does. Raises ValueError for a push
-    without a force.
+    Times count from the start of the run. Raises ValueError for a push without a force.
     """
 
     at_s: Annotated[float, Meta(ge=0.0, le=1e5)]
@@ -61,3 +60,14 @@ class Push(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
             raise ValueError(
                 "force_n = 0 of a push; must have a component: give it in N, or leave the push out"
             )
+
+
+class LengthChange(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Change of the length of the only cable (`[[bench.length_changes]]`), by the harmonic law.
+
+    Times count from the start of the run.
+    """
+
+    at_s: Annotated[float, Meta(ge=0.0, le=1e5)]
+    duration_s: Annotated[float, Meta(ge=0.05, le=100.0)] = 1.0
+    change_m: Annotated[float, Meta(ge=-20.0, le=20.0)]

@@ -84,6 +84,7 @@ class SpatialChain:
                 f"{longest * MAX_SUBSTEPS * 1e3:.3g} rad/s, which the step of the simulation "
                 "resolves: lower joint_stiffness_n_m_rad or joint_damping_n_m_s_rad"
             )
+        self.run_start_s = 0.0  # start of the run, from which pushes count
         self._t_s = 0.0
         self._u = [direction(link.initial_x_rad, link.initial_y_rad) for link in links]
         self._w = [rate(u, link) for u, link in zip(self._u, links, strict=True)]
@@ -254,7 +255,7 @@ class SpatialChain:
     def _acting(self) -> list[Push]:
         if not self._pushes:
             return []
-        t_s = self._t_s + PUSH_ROUNDING_S
+        t_s = self._t_s - self.run_start_s + PUSH_ROUNDING_S
         return [push for push in self._pushes if push.at_s <= t_s < push.at_s + push.duration_s]
 
     def _check_tension(self) -> None:

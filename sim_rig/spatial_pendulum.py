@@ -29,6 +29,7 @@ class SpatialPendulum:
         self._drag_1_s = float(matrices.damping[0, 0]) / inertia  # d / I
         self._inertia_kg_m2 = inertia
         self._substep_s = STEP_OF_ONE_LINK_RAD / matrices.fastest_rad_s
+        self.run_start_s = 0.0  # start of the run; nothing counts from it here
         self._t_s = 0.0
         self._tension_factor = 0.0  # lambda / I at the start of the last step
         self._u = direction(link.initial_x_rad, link.initial_y_rad)

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from comms.channels import MS
-from comms.messages import Command, Frame, LinkMotion, Message, Phase, Truth
+from comms.messages import Command, Frame, LinkMotion, Message, Phase, Truth, Verb
 from comms.replies import Replies
 from comms.task import NO_STEP, Send, Step
 from sim_rig.bench import Bench, SimulatedPlant
@@ -98,6 +98,7 @@ class BenchTask:
     def start(self, t_ns: int) -> Step:
         """Release the load; a tick at t_ns itself is served at once."""
         self._bench = self._make_bench(t_ns)
+        self._bench.await_run()
         if self._shutter is not None:
             self._shutter.begin(t_ns)
         self._truth_ns = t_ns + -t_ns % self._truth_period_ns
@@ -110,6 +111,8 @@ class BenchTask:
         Stop is acknowledged; the simulation keeps integrating.
         """
         if isinstance(message, Command):
+            if message.verb is Verb.START:
+                self._bench.start_run(message.t_start_ns)
             text = f"{self.late_ticks} late ticks"
             return Step([self._replies.answer(message, self._port.phase, t_ns, text)])
         if self._is_broken:

@@ -43,7 +43,10 @@ def true_motion(run: RunLog) -> TrueMotion:
 
 def is_beyond_a_pendulum(run: RunLog, motion: TrueMotion) -> bool:
     """Tell if the load has several links, or swung across the plane x."""
-    return bool(run.plant_params.get("links")) or bool(np.any(motion.angles_rad[..., 1]))
+    plant = run.plant_params
+    return bool(plant.get("links") or plant.get("length_changes")) or bool(
+        np.any(motion.angles_rad[..., 1])
+    )
 
 
 def true_load(run: RunLog, motion: TrueMotion) -> Quantities:
@@ -88,6 +91,7 @@ def _model(plant: dict[str, Any]) -> ChainModel | None:
     if not links:
         pendulum = plant["pendulum"]
         links = [{"length_m": pendulum["length_m"], "mass_kg": pendulum["mass_kg"]}]
+        links[0]["length_m"] += sum(one["change_m"] for one in plant.get("length_changes") or [])
         load = {key: pendulum[key] for key in ("gravity_m_s2", "damping_ratio")}
     if links[0].get("joint_stiffness_n_m_rad"):
         return None  # a spring at the platform

@@ -193,6 +193,7 @@ class BenchSection(Section, frozen=True, kw_only=True):
     links: list[dict[str, Any]] = []  # in place of the pendulum
     load: dict[str, Any] = {}  # what the links have in common
     pushes: list[dict[str, Any]] = []
+    length_changes: list[dict[str, Any]] = []
     robot: dict[str, Any] = {}
     camera: dict[str, Any] = {}
     drive_faults: list[dict[str, Any]] = []  # of a robot with a drive

@@ -15,13 +15,13 @@ from rig.errors import BAD_DATA, ConfigError
 from rig.studies.thesis_tables import table as tables
 from rig.studies.thesis_tables.published import TABLES
 from rig.studies.thesis_tables.table import RowComparison, tolerance
-from rig.ui.cli import compare_tables
+from rig.ui.cli import compare_free_cart, compare_tables
 from rig.ui.cli.common_options import AsJson
 from rig.ui.cli.output import print_json, working
 from rig.ui.cli.page import print_whole, print_written
 from rig.ui.plots.picture_file import check_folder
 
-CHOICES = (*TABLES, "all", "sensitivity")
+CHOICES = (*TABLES, "all", "sensitivity", "free_cart")
 
 
 def compare(
@@ -29,15 +29,16 @@ def compare(
         str,
         typer.Argument(
             help="Table 3.1 to 3.8 or 4.1 to 4.7, several separated by commas; 3, 4 or all; "
-            "or sensitivity.",
+            "sensitivity; or free_cart.",
         ),
     ],
     csv_file: Annotated[
-        Path | None, typer.Option("--csv", help="CSV file, one line a figure.")
+        Path | None,
+        typer.Option("--csv", help="CSV file, one line a figure; of free_cart a sample."),
     ] = None,
     plot: Annotated[
         Path | None,
-        typer.Option(help="Figure file of sensitivity; sensitivity.svg by default."),
+        typer.Option(help="Figure file of sensitivity (sensitivity.svg by default) or free_cart."),
     ] = None,
     as_json: AsJson = False,
 ) -> int:
@@ -47,8 +48,12 @@ def compare(
     """
     if table == "sensitivity":
         return _sensitivity(plot, csv_file, as_json)
+    if table == "free_cart":
+        return compare_free_cart.run(plot, csv_file, as_json)
     if plot is not None:
-        raise ConfigError(f"--plot {plot} with table {table}; must be with sensitivity: omit it")
+        raise ConfigError(
+            f"--plot {plot} with table {table}; must be with sensitivity or free_cart: omit it"
+        )
     names = _tables(table)
     if csv_file is not None:
         check_folder("--csv", csv_file)

@@ -16,7 +16,7 @@ EXAMPLES = {
     ),
     "compare": (
         "compare 3.1",
-        "compare 3.7,4.1 --csv rows.csv",
+        "compare free_cart --plot cart.svg",
     ),
     "run": (
         "run move --virtual --seed 7",

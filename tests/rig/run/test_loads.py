@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from comms.messages import Truth
@@ -122,7 +123,7 @@ def test_a_cable_that_goes_slack_ends_the_run_and_says_so(tmp_path: Path) -> Non
     push = "bench.pushes=[{at_s=1.0, duration_s=0.3, force_n=[0.0, 0.0, 20.0]}]"
     ran, analysis = run(tmp_path, "free_decay", [*BRIEF, push])
     assert ran.outcome.exit_code == 5
-    assert "bench: cable 1 of the load went slack at 1.0" in ran.outcome.reasons[0]
+    assert "bench: cable 1 of the load went slack at 1.6" in ran.outcome.reasons[0]
     assert analysis.summary.verdict == "bad"
 
 
@@ -155,3 +156,17 @@ def test_a_load_too_stiff_for_the_simulation_is_named(tmp_path: Path) -> None:
     file.write_text(stiff)
     with pytest.raises(ConfigError, match="lower joint_stiffness_n_m_rad"):
         run(tmp_path / "runs", str(file), [])
+
+
+def test_a_cable_shortened_during_a_run_swings_at_its_new_length(tmp_path: Path) -> None:
+    change = "bench.length_changes=[{at_s=0.5, duration_s=1.0, change_m=-0.18}]"
+    _, analysis = run(tmp_path, "free_decay", [*BRIEF, "experiment.watch_s=8", change])
+    motion = true_motion(analysis.run)
+    late = motion.t_s > (analysis.run.t_start_s or 0.0) + 1.6
+    angle = motion.angles_rad[late][:, 0, 0]
+    signs = np.flatnonzero(np.diff(np.sign(angle)))
+    crossings = motion.t_s[late][signs]
+    half_s = float(np.mean(np.diff(crossings)))
+    assert half_s == pytest.approx(np.pi * np.sqrt((0.9624 - 0.18) / 9.81), rel=5e-3)
+    assert analysis.summary.truth is not None
+    assert analysis.summary.truth.cable_length_m == pytest.approx(0.7824)
