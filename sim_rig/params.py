@@ -95,13 +95,6 @@ class BenchParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
         """Position of the platform at the start of the simulation."""
         return (self.home_m[0] + self.robot.start_m, self.home_m[1], self.home_m[2])
 
-    @property
-    def load_kg(self) -> float:
-        """Mass of the load."""
-        if not self.links:
-            return self.pendulum.mass_kg
-        return sum(link.mass_kg for link in self.links) + self.load.tip_mass_kg
-
     def __post_init__(self) -> None:
         if self.view.rate_hz * self.camera.exposure_ms > 1000.0:
             raise ValueError(

@@ -44,7 +44,7 @@ class QuattroPort(SetpointPort):
     def make_bench(self, t_ns: int) -> Bench:
         """Make the plant at t_ns."""
         self._was_still = False
-        self._platform = QuattroPlatform(self._quattro, self._params.start_m, self._params.load_kg)
+        self._platform = QuattroPlatform(self._quattro, self._params.start_m)
         return Bench(self._params, t_ns, self._platform)
 
     def _position_m(self, setpoint: Setpoint) -> Position | None:

@@ -21,6 +21,7 @@ from sim_rig.chain_joints import ChainJoints
 from sim_rig.chain_matrices import ChainMatrices
 from sim_rig.link_angles import LinkState, direction, rate, state
 from sim_rig.load_params import LinkParams, LoadParams, Push
+from sim_rig.pivot import AT_REST, PivotStep, pivot_steps
 from sim_rig.vectors import (
     Vector,
     Vectors,
@@ -148,33 +149,23 @@ class SpatialChain:
         vx, vy, vz: (N,) velocities of the pivot at the start, the middle and the end of each step;
         its acceleration is the derivative of the parabola through them. Raises LoadEvent.
         """
-        for k in range(0, len(vx_m_s) - 2, 2):
-            begin, change = [], []
-            for v in (vx_m_s, vy_m_s, vz_m_s):
-                v0, vm, v1 = v[k], v[k + 1], v[k + 2]
-                first = (4.0 * vm - 3.0 * v0 - v1) / step_s
-                begin.append(first)
-                change.append((v0 - 4.0 * vm + 3.0 * v1) / step_s - first)
-            self._speed = (vx_m_s[k + 1], vy_m_s[k + 1], vz_m_s[k + 1])
-            self._step(step_s, begin, change)
+        for step in pivot_steps(step_s, (vx_m_s, vy_m_s, vz_m_s)):
+            self._speed = step.middle_m_s
+            self._step(step_s, step)
         self._speed = (vx_m_s[-1], vy_m_s[-1], vz_m_s[-1])
 
     def advance_at_rest(self, step_s: float, steps: int) -> None:
         """Integrate steps of step_s with the pivot at rest. Raises LoadEvent."""
         self._speed = (0.0, 0.0, 0.0)
         for _ in range(steps):
-            self._step(step_s, [0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
+            self._step(step_s, AT_REST)
 
-    def _step(self, step_s: float, begin: list[float], change: list[float]) -> None:
-        """Integrate a step, in which the acceleration of the pivot changes linearly."""
+    def _step(self, step_s: float, pivot: PivotStep) -> None:
+        """Integrate a step."""
         count = max(1, math.ceil(step_s / self._substep_s))
-        h = step_s / count
         for k in range(count):
-            stages = []
-            for share in (k / count, (k + 0.5) / count, (k + 1) / count):
-                x, y, z = (b + share * c for b, c in zip(begin, change, strict=True))
-                stages.append((x, y, z))
-            self._runge_kutta(h, *stages)
+            stages = [pivot.at(share) for share in (k / count, (k + 0.5) / count, (k + 1) / count)]
+            self._runge_kutta(step_s / count, *stages)
         self._t_s += step_s
         if self._pushes or min(self._tensions_n) < 0.0:
             self._check_tension()

@@ -7,6 +7,7 @@ import math
 from sim_rig.chain_matrices import ChainMatrices
 from sim_rig.link_angles import LinkState, direction, rate, state
 from sim_rig.load_params import LinkParams, LoadParams
+from sim_rig.pivot import pivot_steps
 from sim_rig.spatial_chain import STEP_OF_ONE_LINK_RAD, LoadEvent
 from sim_rig.vectors import Vector
 
@@ -67,19 +68,11 @@ class SpatialPendulum:
         self, step_s: float, vx_m_s: list[float], vy_m_s: list[float], vz_m_s: list[float]
     ) -> None:
         """Integrate (N - 1) / 2 steps of step_s, as SpatialChain.advance. Raises LoadEvent."""
-        for k in range(0, len(vx_m_s) - 2, 2):
-            begin, change = [], []
-            for v in (vx_m_s, vy_m_s, vz_m_s):
-                v0, vm, v1 = v[k], v[k + 1], v[k + 2]
-                first = (4.0 * vm - 3.0 * v0 - v1) / step_s
-                begin.append(first)
-                change.append((v0 - 4.0 * vm + 3.0 * v1) / step_s - first)
-            (bx, by, bz), (cx, cy, cz) = begin, change
-            count = max(1, math.ceil(step_s / self._substep_s))
+        count = max(1, math.ceil(step_s / self._substep_s))
+        for step in pivot_steps(step_s, (vx_m_s, vy_m_s, vz_m_s)):
             for i in range(count):
                 shares = (i / count, (i + 0.5) / count, (i + 1) / count)
-                first_, middle, last = [(bx + s * cx, by + s * cy, bz + s * cz) for s in shares]
-                self._runge_kutta(step_s / count, first_, middle, last)
+                self._runge_kutta(step_s / count, *(step.at(share) for share in shares))
             self._end_step(step_s)
 
     def advance_at_rest(self, step_s: float, steps: int) -> None:

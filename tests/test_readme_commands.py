@@ -148,5 +148,6 @@ def test_every_line_of_the_table_of_commands_has_an_exit_code():
 
 
 def test_a_command_that_takes_real_time_says_so():
-    started = [example for example in EXAMPLES.values() if example.words[0] in ("run", "calibrate")]
+    moving = ("run", "calibrate")
+    started = [e for e in EXAMPLES.values() if e.words[0] in moving and "--list" not in e.words]
     assert all(("--virtual" in e.words) != e.is_in_real_time for e in started)

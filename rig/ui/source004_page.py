@@ -36,15 +36,15 @@ def _section(found: Source004Study, row: FigureResult) -> Html:
     """Findings, reasons, runs and picture of one figure."""
     figure = row.figure
     head = element("h2", heading(figure))
-    if figure.not_yet:
-        return element("section", head, element("p", f"Not yet: {figure.not_yet}.", class_="note"))
     findings = [
         (finding, ours, element("b", agrees, class_=COLOURS[agrees]))
         for _, finding, ours, agrees in finding_rows(row, found.runs)
     ]
     of_figure = Source004Study(figures=(row,), runs=found.runs, curves=found.curves)
     texts = [element("p", text, class_="note") for _, text in notes(of_figure)]
-    names = figure.experiments
+    names = [name for name in figure.experiments if name in found.curves]
+    if not names:
+        return element("section", head, table(FINDING_HEADS[1:], findings), join(*texts))
     curves = {short_name(name): found.curves[name] for name in names}
     svg = trusted(inline_svg(draw_comparison(curves), f"figure {figure.number}"))
     return element(

@@ -7,13 +7,19 @@ from typing import NamedTuple
 
 from rig.studies.source_004.reasons import reason
 from rig.studies.source_004.rule import BasisValue, RunFigures
-from rig.studies.source_004.spec import SourceFigure, SourceFinding
+from rig.studies.source_004.spec import (
+    CAMERA_QUANTITIES,
+    MEASURED,
+    SourceFigure,
+    SourceFinding,
+)
 from rig.studies.source_004.study import FigureResult, Source004Study
 
 FINDING_HEADS = ("figure", "published finding", "our figures", "agrees")
 RUN_HEADS = ("run", "residual swing\ntrue [mrad]", "measured\n[mrad]", "peak swing\n[mrad]")
 PREFIX = "source004_"  # of the experiments, left out in tables
-NOT_YET = "not yet"
+CAMERA_NOT_YET = "camera: not yet"
+TABLE = "tab. "  # before the number of a table of the source
 
 
 class ShownUnit(NamedTuple):
@@ -41,14 +47,17 @@ UNITS = {
     "cable_length": ShownUnit("m", 1.0, 5),
     "damping_ratio": ShownUnit("", 1.0, 7),
     "natural_frequency": ShownUnit("rad/s", 1.0, 4),
+    "rise_time": ShownUnit("ms", 1e3, 1),
+    "bandwidth": ShownUnit("Hz", 1.0, 1),
+    "fit_deviation": ShownUnit("% of the step", 1e2, 2),
+    "frequency_1": ShownUnit("Hz", 1.0, 4),
+    "frequency_2": ShownUnit("Hz", 1.0, 4),
 }
 
 
 def finding_rows(result: FigureResult, runs: Mapping[str, RunFigures]) -> list[tuple[str, ...]]:
-    """List the findings of a figure under FINDING_HEADS; one row for a figure not yet repeated."""
+    """List the findings of a figure under FINDING_HEADS."""
     figure = result.figure
-    if figure.not_yet:
-        return [(figure.number, sentence(figure.title), sentence(figure.not_yet), NOT_YET)]
     rows: list[tuple[str, ...]] = []
     for finding, judged in zip(figure.findings, result.results, strict=True):
         rows.append((figure.number, finding.text, our_figures(finding, runs), judged.agreement))
@@ -65,7 +74,15 @@ def our_figures(finding: SourceFinding, runs: Mapping[str, RunFigures]) -> str:
         text = f"{ours} against {others} {unit}"
     elif finding.bound is not None:
         text += f"; {_bound(finding)}"
-    return f"{text}, {basis}"
+    return f"{text}, {basis}{_camera_mark(finding, runs)}"
+
+
+def _camera_mark(finding: SourceFinding, runs: Mapping[str, RunFigures]) -> str:
+    """Mark a quantity of the camera in a finding with a run that has none."""
+    names = (*finding.runs, *finding.against)
+    if finding.quantity not in CAMERA_QUANTITIES or all(runs[name].has_camera for name in names):
+        return ""
+    return f"; {CAMERA_NOT_YET}"
 
 
 def _bound(finding: SourceFinding) -> str:
@@ -90,10 +107,16 @@ def run_rows(names: Sequence[str], runs: Mapping[str, RunFigures]) -> list[tuple
     """List true and measured residual swing, and true peak swing, of runs under RUN_HEADS."""
     rows: list[tuple[str, ...]] = []
     for name in names:
-        residual = runs[name].values["residual_swing"]
+        run = runs[name]
+        if "residual_swing" not in run.values:
+            continue  # a step response
+        residual = run.values["residual_swing"]
+        measured = CAMERA_NOT_YET
+        if run.has_camera:
+            measured = _with_sigma(residual[MEASURED])
         true = UNITS["residual_swing"].text(residual["true"].value)
-        peak = UNITS["peak_swing"].text(runs[name].peak_rad)
-        rows.append((short_name(name), true, _with_sigma(residual["measured"]), peak))
+        peak = UNITS["peak_swing"].text(run.peak_rad)
+        rows.append((short_name(name), true, measured, peak))
     return rows
 
 
@@ -109,11 +132,10 @@ def notes(study: Source004Study) -> Iterator[tuple[str, str]]:
 
 
 def conclusion(study: Source004Study) -> str:
-    """Count the findings by agreement, and the figures not yet repeated."""
+    """Count the findings by agreement."""
     found = [judged.agreement for row in study.figures for judged in row.results]
     counts = [f"{found.count(word)} {word}" for word in ("yes", "partly", "no")]
-    missing = sum(1 for row in study.figures if row.figure.not_yet)
-    return f"{len(found)} findings: {', '.join(counts)}; {missing} figures not yet repeated"
+    return f"{len(found)} findings: {', '.join(counts)}"
 
 
 def short_name(experiment: str) -> str:
@@ -122,7 +144,9 @@ def short_name(experiment: str) -> str:
 
 
 def heading(figure: SourceFigure) -> str:
-    """Write number and title of a figure, or of a section."""
+    """Write number and title of a figure, a table or a section."""
+    if figure.number.startswith(TABLE):
+        return f"Table {figure.number.removeprefix(TABLE)}: {figure.title}"
     kind = "Section" if figure.number.count(".") > 1 else "Figure"
     return f"{kind} {figure.number}: {figure.title}"
 

@@ -1,7 +1,7 @@
 """Rule of agreement between a published finding and our figures; pure.
 
 A value has up to two bases: true and measured for swing, planned and reached for motion. Each pair
-of runs is checked on each basis:
+of runs is checked on each basis that both have; a run without a camera has no measured swing:
 
     lower       b - a > max(3 sigma, 1 % of the larger one)
     higher      the same with a and b exchanged
@@ -33,7 +33,10 @@ MUCH = 0.5  # share of the other value below which a value is much lower
 
 
 class BasisValue(msgspec.Struct, frozen=True, kw_only=True):
-    """Value of a quantity on one basis, in SI units; None = not identifiable."""
+    """Value of a quantity on one basis, in SI units.
+
+    None = not identifiable: 0 within sigma where that is known, else no value.
+    """
 
     value: float | None
     sigma: float = 0.0
@@ -44,12 +47,13 @@ class RunFigures(msgspec.Struct, frozen=True, kw_only=True):
 
     experiment: str
     values: dict[str, dict[str, BasisValue]]
+    has_camera: bool = True
 
     @property
     def peak_rad(self) -> float:
         """Peak swing [rad], true where it is known."""
-        peaks = [one.value for one in self.values["peak_swing"].values() if one.value is not None]
-        return peaks[0] if peaks else math.nan
+        peaks = self.values.get("peak_swing", {}).values()
+        return next((one.value for one in peaks if one.value is not None), math.nan)
 
 
 class FindingCheck(msgspec.Struct, frozen=True, kw_only=True):
@@ -74,12 +78,16 @@ class FindingResult(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def judge(finding: SourceFinding, figures: Mapping[str, RunFigures]) -> FindingResult:
-    """Check a finding on the figures of its runs, by experiment."""
+    """Check a finding on the figures of its runs, by experiment.
+
+    Raises ValueError for a quantity that a run does not have on any basis.
+    """
     checks: list[FindingCheck] = []
     for name, other in product(finding.runs, finding.against or (None,)):
         run = figures[name]
         partner = figures[other] if other is not None else None
-        for basis, value in run.values[finding.quantity].items():
+        for basis in _bases(finding.quantity, run, partner):
+            value = run.values[finding.quantity][basis]
             against = partner.values[finding.quantity][basis] if partner is not None else None
             scale_rad = max(run.peak_rad, partner.peak_rad if partner else 0.0)
             holds = is_holding(finding, value, against, LINE_WIDTH_REL * scale_rad)
@@ -87,13 +95,29 @@ def judge(finding: SourceFinding, figures: Mapping[str, RunFigures]) -> FindingR
     return FindingResult(agreement=_agreement(checks), checks=tuple(checks))
 
 
+def _bases(quantity: str, run: RunFigures, partner: RunFigures | None) -> list[str]:
+    """List the bases on which both runs have the quantity."""
+    bases = list(run.values.get(quantity, {}))
+    if partner is not None:
+        bases = [basis for basis in bases if basis in partner.values.get(quantity, {})]
+    if not bases:
+        raise ValueError(
+            f"{quantity} of {run.experiment}: no value; must have one on a basis at least, common "
+            "to both runs of a comparison: compare another quantity"
+        )
+    return bases
+
+
 def is_holding(
     finding: SourceFinding, a: BasisValue, b: BasisValue | None, line_width_rad: float
 ) -> bool:
     """Tell whether a relation holds for a against b, or against the bound; see the module.
 
-    A value that is not identifiable satisfies no relation.
+    A value that is not identifiable counts as 0 within its sigma; without one it satisfies no
+    relation.
     """
+    a = _seen(a)
+    b = _seen(b) if b is not None else None
     if finding.bound is not None:
         b = BasisValue(value=finding.bound)
     if b is None:  # small
@@ -102,6 +126,13 @@ def is_holding(
         return False
     noise = SIGMAS * math.hypot(a.sigma, b.sigma)
     return _compare(finding, a.value, b.value, noise, line_width_rad)
+
+
+def _seen(one: BasisValue) -> BasisValue:
+    """Take a value that is not identifiable as 0 within its sigma, if that is known."""
+    if one.value is None and one.sigma > 0.0:
+        return BasisValue(value=0.0, sigma=one.sigma)
+    return one
 
 
 def _compare(

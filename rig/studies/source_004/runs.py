@@ -12,13 +12,16 @@ import numpy.typing as npt
 from rig.analysis.analyze import RunAnalysis
 from rig.analysis.run_log import RunLog
 from rig.analysis.summary import Quantities, Summary
+from rig.analysis.true_load import true_motion
 from rig.errors import RunFailed
 from rig.run import config
 from rig.run.job import plan_move, prepare
 from rig.run.runs import LOG
 from rig.run.runtime import bench
 from rig.run.runtime.execute import execute
+from rig.studies.source_004.free_modes import natural_frequencies_hz
 from rig.studies.source_004.rule import BasisValue, RunFigures
+from rig.studies.source_004.spec import CAMERA_QUANTITIES, MEASURED
 
 FloatArray = npt.NDArray[np.float64]
 BEFORE_S = 0.2  # of the curves, before the move
@@ -29,7 +32,7 @@ class RunCurves(NamedTuple):
     """Curves of a run, from shortly before its move; times count from the start of the move."""
 
     t_s: FloatArray  # (N,)
-    swing_rad: FloatArray  # (N,) true
+    swing_rad: FloatArray  # (N,) true, of the lowest link, along x
     position_m: FloatArray  # (N,) of the platform, true
     move_s: float  # duration of the move; 0 of a free swing
 
@@ -55,7 +58,11 @@ def repeat(experiment: str, folder: Path) -> RepeatedRun:
     if outcome.exit_code != 0:
         raise RunFailed(f"{experiment} was stopped: {'; '.join(outcome.reasons)}")
     analysis = RunAnalysis(folder / LOG)
-    figures = RunFigures(experiment=experiment, values=_values(analysis))
+    has_camera = chosen.camera.rate_hz > 0
+    values = _values(analysis)
+    if not has_camera:
+        _drop_measured(values)
+    figures = RunFigures(experiment=experiment, values=values, has_camera=has_camera)
     return RepeatedRun(figures, _curves(analysis.run))
 
 
@@ -82,7 +89,27 @@ def _values(analysis: RunAnalysis) -> dict[str, dict[str, BasisValue]]:
         "cable_length": _measured(s, "cable_length_m"),
         "damping_ratio": _measured(s, "damping_ratio"),
         "natural_frequency": _measured(s, "natural_frequency_hz", 2 * math.pi),
+        **_mode_frequencies(analysis.run),
     }
+
+
+def _drop_measured(values: dict[str, dict[str, BasisValue]]) -> None:
+    """Remove the values that come from the camera."""
+    for quantity in CAMERA_QUANTITIES:
+        values.get(quantity, {}).pop(MEASURED, None)
+
+
+def _mode_frequencies(run: RunLog) -> dict[str, dict[str, BasisValue]]:
+    """Fit the two slowest modes of a load of several links to its true swing after the move."""
+    motion = true_motion(run)
+    if motion.angles_rad.shape[1] < 2:
+        return {}
+    free = motion.t_s >= run.t_settled_s
+    angles_rad = motion.angles_rad[free, :, 0]
+    rates_rad_s = motion.rates_rad_s[free, :, 0]
+    found = natural_frequencies_hz(motion.t_s[free], angles_rad, rates_rad_s)
+    names = ("frequency_1", "frequency_2")
+    return {name: {"true": BasisValue(value=hz)} for name, hz in zip(names, found, strict=False)}
 
 
 def _swing(s: Summary, key: str) -> dict[str, BasisValue]:
@@ -94,7 +121,7 @@ def _measured(s: Summary, key: str, factor: float = 1.0) -> dict[str, BasisValue
     value = getattr(s.measured, key)
     sigma = getattr(s.sigma, key) or 0.0
     if value is None:
-        return {"measured": BasisValue(value=None)}
+        return {"measured": BasisValue(value=None, sigma=sigma * factor)}
     return {"measured": BasisValue(value=value * factor, sigma=sigma * factor)}
 
 
@@ -120,7 +147,8 @@ def _reversal_m(run: RunLog) -> float | None:
 
 
 def _curves(run: RunLog) -> RunCurves:
-    t, angle, _, position = run.truth.T
+    t, _, _, position = run.truth.T
+    angle = true_motion(run).angles_rad[:, -1, 0]
     from_move_s = t - run.t_move_s
     end_s = (run.plan.time_s or run.plan.watch_s) + AFTER_S
     shown = (from_move_s >= -BEFORE_S) & (from_move_s <= end_s)

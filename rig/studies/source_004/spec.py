@@ -22,10 +22,27 @@ QuantityName = Literal[
     "cable_length",
     "damping_ratio",
     "natural_frequency",
+    "rise_time",
+    "bandwidth",
+    "fit_deviation",
+    "frequency_1",  # of the slowest mode of several links
+    "frequency_2",
 ]
 Relation = Literal["lower", "higher", "much lower", "similar", "small", "above", "equal"]
 PAIRED = ("lower", "higher", "much lower", "similar")  # relations between two runs
 BOUNDED = ("above", "equal")  # relations to a number
+MEASURED = "measured"  # basis
+# quantities whose measured value comes from the camera
+CAMERA_QUANTITIES = (
+    "residual_swing",
+    "peak_swing",
+    "tracking_swing",
+    "cable_length",
+    "damping_ratio",
+    "natural_frequency",
+    "frequency_1",
+    "frequency_2",
+)
 
 
 class SourceFinding(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -53,12 +70,11 @@ class SourceFinding(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
 
 
 class SourceFigure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Figure of source 004 with its findings; not_yet: the reason why it cannot be repeated."""
+    """Figure of source 004 with its findings."""
 
     number: str
     title: str
-    findings: tuple[SourceFinding, ...] = ()
-    not_yet: str = ""
+    findings: tuple[SourceFinding, ...]
 
     @property
     def experiments(self) -> tuple[str, ...]:

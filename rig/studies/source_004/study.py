@@ -8,6 +8,7 @@ from pathlib import Path
 
 import msgspec
 
+from rig.studies.source_004.robot_step import ROBOT_STEP, robot_step
 from rig.studies.source_004.rule import FindingResult, RunFigures, judge
 from rig.studies.source_004.runs import RunCurves, repeat
 from rig.studies.source_004.spec import SourceFigure, experiments_of
@@ -37,6 +38,10 @@ def study(figures: Sequence[SourceFigure], progress: Callable[[int], None]) -> S
     curves: dict[str, RunCurves] = {}
     with tempfile.TemporaryDirectory() as scratch:
         for name in experiments_of(figures):
+            if name == ROBOT_STEP:
+                runs[name] = robot_step()
+                progress(len(runs))
+                continue
             folder = Path(scratch) / name
             folder.mkdir()
             run = repeat(name, folder)

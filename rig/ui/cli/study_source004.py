@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 LEGEND = (
     "Residual swing: amplitude after the move, true and from the camera ± its noise. Findings are "
     "in our words; an agreement is computed on every basis of a value, true and measured, planned "
-    "and reached. yes: every comparison holds; partly: some; no: none."
+    "and reached. yes: every comparison holds; partly: some; no: none. camera: not yet: the "
+    "tracker fits one straight cable, so a load of several links is judged by the truth alone."
 )
 
 
@@ -33,7 +34,8 @@ def source004(
     only: Annotated[
         str | None,
         typer.Option(
-            help="Figures or experiments separated by commas, e.g. 3.33,3.37; all by default."
+            help="Figures, tables or experiments, e.g. 3.33,'tab. 4.3', with commas between them; "
+            "all by default."
         ),
     ] = None,
     page: Annotated[
@@ -69,7 +71,8 @@ def source004(
 def _document(found: Source004Study) -> dict[str, Any]:
     figures = [_figure_document(row) for row in found.figures]
     runs = {name: run.values for name, run in found.runs.items()}
-    return {"exit_status": "ok", "figures": figures, "runs": runs}
+    without = [name for name, run in found.runs.items() if not run.has_camera]
+    return {"exit_status": "ok", "figures": figures, "runs": runs, "runs_without_camera": without}
 
 
 def _figure_document(row: FigureResult) -> dict[str, Any]:
@@ -92,7 +95,7 @@ def _figure_document(row: FigureResult) -> dict[str, Any]:
             }
         )
     figure = row.figure
-    head = {"number": figure.number, "title": figure.title, "not_yet": figure.not_yet}
+    head = {"number": figure.number, "title": figure.title}
     return {**head, "findings": findings}
 
 

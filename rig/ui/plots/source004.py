@@ -13,7 +13,11 @@ from rig.ui.plots.style import SERIES, style_axes
 from rig.ui.plots.two_panels import FONT_PT, MAX_TICKS, TIME_LABEL, WIDTH_IN
 
 HEIGHT_IN = 4.4
-TITLES = ("true swing [mrad]", "true swing after the move [mrad]", "platform x [m]")
+TITLES = (
+    "true swing of the lowest link [mrad]",
+    "true swing of the lowest link after the move [mrad]",
+    "platform x [m]",
+)
 
 
 def draw_comparison(curves: Mapping[str, RunCurves]) -> Figure:

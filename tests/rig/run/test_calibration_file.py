@@ -111,7 +111,10 @@ def test_saving_makes_the_folder_it_is_to_lie_in(tmp_path: Path) -> None:
 def test_shipped_is_the_newest_one_shipped_and_fits_the_shipped_experiments() -> None:
     newest = config.shipped_calibrations()[-1]
     for experiment in config.shipped():
-        name, calibration = calibration_file.find(config.read_experiment(experiment, []))
+        chosen = config.read_experiment(experiment, [])
+        if not chosen.camera.rate_hz:
+            continue
+        name, calibration = calibration_file.find(chosen)
         assert name == newest
         assert calibration is not None
         assert calibration == convert(config.read_shipped_calibration(newest), Calibration)

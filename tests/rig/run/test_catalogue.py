@@ -13,7 +13,10 @@ from rig.run import catalogue, config
 FOLDER = Path(config.__file__).parent / "experiments"
 ROWS = {row.name: row for row in catalogue.shipped_experiments()}
 SOURCE_004 = [name for name in ROWS if name.startswith("source004_")]
-MOVES = [name for name in SOURCE_004 if name != "source004_free_decay"]
+LINKS = [name for name in SOURCE_004 if name.startswith(("source004_ch4_", "source004_ch5_"))]
+CABLE = [name for name in SOURCE_004 if name not in LINKS]
+MOVES = [name for name in CABLE if name != "source004_free_decay"]
+OTHER_MODES = ("source004_ch4_2s5_axis_free", "source004_ch4_2s5_axis_tuned")  # of the planner
 MEASURED_CABLE_M = 0.9624  # source 004, section 3.4.1
 MEASURED_DAMPING_RATIO = 0.000237
 TIMES_S = {"2s": 2.0, "2s5": 2.5, "1s5": 1.5, "1s1": 1.1, "0s75": 0.75}
@@ -45,11 +48,11 @@ def test_a_row_states_the_move_of_its_kind() -> None:
 
 
 def test_the_experiments_of_source_004_are_all_there() -> None:
-    assert len(SOURCE_004) == 24
-    assert len({ROWS[name].purpose for name in SOURCE_004}) == 24
+    assert (len(CABLE), len(LINKS)) == (24, 10)
+    assert len({ROWS[name].purpose for name in SOURCE_004}) == 34
 
 
-@pytest.mark.parametrize("name", SOURCE_004)
+@pytest.mark.parametrize("name", CABLE)
 def test_the_planner_knows_the_measured_cable_and_the_name_tells_the_plant(name: str) -> None:
     file = tables(name)
     _, _, suffix = name.partition("-")
@@ -80,3 +83,22 @@ def test_a_shorter_cable_is_the_only_difference_from_the_nominal_experiment(name
         del file["experiment"]["name"], file["experiment"]["purpose"]
         del file["bench"]["pendulum"]["length_m"]
     assert wrong == nominal
+
+
+@pytest.mark.parametrize("name", LINKS)
+def test_a_load_of_several_links_runs_without_a_camera_and_its_name_tells_the_move(
+    name: str,
+) -> None:
+    file = tables(name)
+    words = name.split("_")[2:]
+    planned = [tuple(link.split(":")) for link in file["model"]["links"]]
+    real = [
+        (f"{link['length_m']:g}", f"{link['mass_kg']:g}", link.get("kind", "point"))
+        for link in file["bench"]["links"]
+    ]
+    assert file["camera"]["rate_hz"] == 0
+    assert (planned == real) is (name not in OTHER_MODES)
+    assert file["bench"].get("robot", {}) == ({"kind": "ball_screw"} if "axis" in words else {})
+    if words != ["free", "decay"]:
+        assert file["move"]["time_s"] == TIMES_S[words[0]]
+        assert file["move"]["distance_m"] == 0.2

@@ -110,5 +110,5 @@ def test_corruption_of_a_link_that_repeats_nothing_is_refused() -> None:
 
 def test_an_unknown_robot_is_named_with_those_there_are() -> None:
     odd = config.read_experiment("move", ["bench.robot.kind=scara"])
-    with pytest.raises(ConfigError, match="must be one of cartesian, ball_screw"):
+    with pytest.raises(ConfigError, match="must be one of cartesian, quattro, ball_screw"):
         bench.params(odd)

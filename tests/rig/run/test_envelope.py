@@ -21,6 +21,7 @@ from comms.messages import (
     Verb,
     axis_state,
 )
+from rig.analysis.platform_path import PlatformPath
 from rig.analysis.run_log import RunLog
 from rig.run import config, experiment
 from rig.run.runs import LOG
@@ -253,8 +254,10 @@ def test_undisturbed_plans_end_at_their_goal_without_a_report(places: list[Posit
 
 def robot_acceleration_m_s2(folder: Path) -> float:
     """Peak change of the robot's true speed over 30 ms, from the readings of its encoders."""
-    joints = RunLog.open(folder / LOG).log.read("/joint_state", JointState)
-    speed = {j.t_ns: j.velocity_m_s[0] for j in joints}
+    run = RunLog.open(folder / LOG)
+    path = PlatformPath(run.controller.robot)
+    states = path.states(run.log.read("/joint_state", JointState))
+    speed = {t_ns: velocity[0] for t_ns, _, velocity in states}
     changes = [abs(v - speed[t - 30 * MS]) for t, v in speed.items() if t - 30 * MS in speed]
     return float(max(changes)) / 0.03
 

@@ -19,7 +19,6 @@ from comms.messages import (
     SwingPlane,
     Truth,
     Verb,
-    axis_setpoint,
     axis_state,
 )
 from rig.analysis.analyze import RunAnalysis
@@ -29,6 +28,7 @@ from rig.run.job import plan_move, prepare
 from rig.run.recorder import Recorder
 from rig.run.runs import LOG
 from rig.run.runtime import bench
+from rig.run.tasks.controller.joints import robot_joints
 from rig.run.tasks.controller.task import ControllerSettings, ControllerTask
 from rig.run.tasks.streamer import Streamer
 from vision.task import VisionTask
@@ -166,12 +166,14 @@ def test_the_bench_moves_swings_the_load_back_and_shows_it():
     settings = prepare(chosen, plan_move(chosen), bench.plant(chosen)).settings
     plant = bench.task(settings["bench"])
     plant.start(0)
-    plant.on_message("setpoint", axis_setpoint(0, 3 * MS, (0.01, 0.0, 0.0)), 3 * MS)
+    joints = robot_joints(settings["controller"].robot)
+    plant.on_message("setpoint", joints.setpoint(0, 3 * MS, (0.01, 0.0, 0.0)), 3 * MS)
     sends = [send for t in range(5, 205, 5) for send in plant.on_tick(t * MS).sends]
-    joints = [s.message for s in sends if s.channel == "joint_state"]
+    states = [s.message for s in sends if s.channel == "joint_state"]
     truths = [s.message for s in sends if s.channel == "truth"]
     frames = [s.message for s in sends if s.channel == "frame_1"]
-    assert joints[-1].position_m[0] == pytest.approx(0.01, abs=1e-4)  # the servo has settled
+    platform = joints.platform(states[-1])
+    assert platform.position_m[0] == pytest.approx(0.01, abs=1e-4)  # the servos have settled
     angles_rad = [truth.links[0].angle_x_rad for truth in truths]
     assert min(angles_rad) < -5e-3  # a push to the right leaves the load behind
     assert [f.t_exposure_start_ns for f in frames[:3]] == [0, 20 * MS, 40 * MS]

@@ -14,16 +14,20 @@ from rig.run import config
 from rig.run.job import plan_move
 from rig.run.load_model import planner_model
 from rig.studies.source_004.reasons import reason
+from rig.studies.source_004.robot_step import ROBOT_STEP
 from rig.studies.source_004.rule import BasisValue, RunFigures, is_holding, judge
 from rig.studies.source_004.spec import SourceFinding, choose, experiments_of, source_figures
 from rig.studies.source_004.study import Source004Study, study
 from rig.ui.cli.study_source004 import source004
 
 PEAK_RAD = 0.05  # 1 % of it, the width of a line, is 0.5 mrad
-PUBLISHED = {  # figures of source 004 with experiments, 3.26 to 3.37
+PUBLISHED = {  # figures of source 004 with experiments, and what we repeat on the bench beside them
     *(f"3.{k}" for k in range(26, 38)),
     *(f"4.{k}" for k in range(19, 23)),
+    "tab. 4.3",
+    "5.3",
 }
+STEP = "3.4.2"  # the one figure without a run of the experiment loop
 
 
 def finding(relation: str, **keys: object) -> SourceFinding:
@@ -109,6 +113,10 @@ def test_many_failed_comparisons_are_counted_and_the_note_follows() -> None:
 
 def test_a_value_that_is_not_identifiable_satisfies_no_relation() -> None:
     missing, known = BasisValue(value=None), BasisValue(value=1.0)
+    hidden = BasisValue(value=None, sigma=0.1)  # 0 within its sigma
+    assert is_holding(finding("small"), hidden, None, 1.0)
+    assert is_holding(finding("lower"), hidden, known, 1.0)
+    assert not is_holding(finding("lower"), known, hidden, 1.0)
     for relation in ("lower", "higher", "much lower", "similar"):
         assert not is_holding(finding(relation), missing, known, 1.0)
         assert not is_holding(finding(relation), known, missing, 1.0)
@@ -127,17 +135,32 @@ def test_a_relation_without_what_it_compares_is_refused(
         finding(relation, **keys)
 
 
+def test_a_run_without_a_camera_is_compared_by_the_truth_alone() -> None:
+    seen, unseen = figures("a", 1.0), figures("b", 1.1)
+    del unseen.values["residual_swing"]["measured"]
+    for runs in ({"a": seen, "b": unseen}, {"a": unseen, "b": seen}):
+        checks = judge(finding("similar"), runs).checks
+        assert [check.basis for check in checks] == ["true"]
+
+
+def test_a_quantity_without_any_value_is_no_agreement_but_an_error() -> None:
+    unseen = figures("a", 1.0)
+    unseen.values["residual_swing"].clear()
+    with pytest.raises(ValueError, match="residual_swing of a: no value"):
+        judge(finding("small"), {"a": unseen})
+
+
 def test_every_figure_and_every_experiment_of_the_source_is_in_the_study() -> None:
     numbers = {figure.number for figure in source_figures()}
     names = {name for name in config.shipped() if name.startswith("source004_")}
     assert numbers >= PUBLISHED
-    assert {name.partition(":")[0] for name in experiments_of(source_figures())} == names
-    for figure in source_figures():
-        assert bool(figure.findings) != bool(figure.not_yet)
+    used = {name.partition(":")[0] for name in experiments_of(source_figures())}
+    assert used == names | {ROBOT_STEP}
+    assert all(figure.findings for figure in source_figures())
 
 
 def test_figures_are_chosen_by_number_or_by_an_experiment() -> None:
-    assert [f.number for f in choose(["3.34", "4.20"])] == ["3.34", "4.20"]
+    assert [f.number for f in choose(["3.34", "tab. 4.3"])] == ["3.34", "tab. 4.3"]
     assert [f.number for f in choose(["source004_0s75_jerk"])] == ["3.31", "3.32"]
     assert [f.number for f in choose(["source004_1s1_holes"])] == ["3.30"]
     with pytest.raises(ConfigError, match=r"'3\.99' is neither a figure nor an experiment"):
@@ -203,12 +226,13 @@ def test_the_verb_prints_one_document_and_writes_a_page(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     page = tmp_path / "page.html"
-    assert source004(only="3.34,4.20", page=page, as_json=True) == 0
+    assert source004(only=f"3.34,{STEP}", page=page, as_json=True) == 0
     document = json.loads(capsys.readouterr().out)
     first, second = document["figures"]
     assert first["findings"][0]["agreement"] == "yes"
-    assert (second["number"], second["findings"]) == ("4.20", [])
-    assert len(document["runs"]) == 2
+    assert [one["agreement"] for one in second["findings"]] == ["yes", "yes"]
+    assert len(document["runs"]) == 3
+    assert document["runs_without_camera"] == []
     text = page.read_text()
     assert text.count("<svg") == 1
     assert "http" not in text.replace("http-equiv", "")
@@ -218,12 +242,12 @@ def test_the_tables_fit_eighty_columns(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", "80")
-    source004(only="4.19,4.20")
+    source004(only=STEP)
     said = capsys.readouterr()
-    assert "not yet" in said.out
+    assert "31.5 ms; printed 31 ms" in said.out
     assert max(map(len, said.out.splitlines())) <= 80
 
 
 def test_a_page_in_a_folder_that_does_not_exist_is_refused_before_any_run(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="no folder"):
-        source004(only="4.19", page=tmp_path / "none" / "page.html")
+        source004(only=STEP, page=tmp_path / "none" / "page.html")
