@@ -98,7 +98,7 @@ def test_a_load_of_several_links_runs_without_a_camera_and_its_name_tells_the_mo
     ]
     assert file["camera"]["rate_hz"] == 0
     assert (planned == real) is (name not in OTHER_MODES)
-    assert file["bench"].get("robot", {}) == ({"kind": "ball_screw"} if "axis" in words else {})
+    assert file["bench"]["robot"] == {"kind": "ball_screw" if "axis" in words else "quattro"}
     if words != ["free", "decay"]:
         assert file["move"]["time_s"] == TIMES_S[words[0]]
         assert file["move"]["distance_m"] == 0.2
