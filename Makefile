@@ -31,7 +31,10 @@ test: $(READY)
 OLDEST_LEAVES_OUT := $(addprefix --ignore=tests/,test_readme_commands.py test_endurance.py sim_rig/test_ball_screw_axis.py \
   sim_rig/test_elastic_joint.py rig/run/test_wall_loop.py rig/run/test_drive_wall.py rig/run/test_drive_faults.py \
   rig/run/test_drive_bench.py rig/run/test_envelope.py rig/studies/test_dropouts.py rig/studies/test_servo_friction.py \
-  rig/studies/test_servo_pareto.py rig/ui/test_help.py rig/ui/test_report_in_browser.py)
+  rig/studies/test_servo_pareto.py rig/ui/test_help.py rig/ui/test_report_in_browser.py sim_rig/test_spatial_chain.py \
+  sim_rig/test_quattro_robot.py sim_rig/test_free_cart.py sim_rig/test_hoisted_pendulum.py rig/run/test_joint_run.py \
+  rig/run/test_loads.py rig/run/test_quattro_run.py rig/studies/test_source_004.py rig/studies/test_source_004_links.py \
+  rig/studies/test_free_cart.py)
 test-oldest: pyproject.toml constraints-oldest.txt
 	$(PYTHON) -m venv $(OLDEST)
 	$(OLDEST)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints-oldest.txt -e '.[tests]'

@@ -10,7 +10,7 @@ from sim_rig.link_angles import LinkState
 from sim_rig.load_params import LengthChange, LinkParams, LoadParams, Push
 from sim_rig.params import BenchParams, PendulumParams
 from sim_rig.pendulum import Pendulum
-from sim_rig.spatial_chain import SpatialChain
+from sim_rig.spatial_chain import LoadEvent, SpatialChain
 from sim_rig.spatial_pendulum import SpatialPendulum
 from sim_rig.vectors import Vector
 
@@ -29,6 +29,7 @@ class Load:
         self._pendulum = params.pendulum
         self._plane: Pendulum | None = None
         self._elapsed_s = 0.0
+        self._lengths_m = [link.length_m for link in params.links] or [params.pendulum.length_m]
         if params.links:
             self._space = _in_space(params.links, params.load, params.pushes, params.length_changes)
         elif params.pushes or params.length_changes:
@@ -85,16 +86,38 @@ class Load:
         if self._plane is not None:
             if max(map(abs, vy_m_s)) <= PLANE_SPEED_M_S:
                 self._plane.advance(step_s, vx_m_s, vz_m_s)
+                self._check_height()
                 return
             self._space = _leave_plane(self._plane, self._pendulum)
             self._plane = None
         self._space.advance(step_s, vx_m_s, vy_m_s, vz_m_s)
+        self._check_height()
 
     def advance_at_rest(self, step_s: float, steps: int) -> None:
         """Integrate steps of step_s with the pivot at rest. Raises LoadEvent."""
         self._elapsed_s += step_s * steps
         load = self._space if self._plane is None else self._plane
         load.advance_at_rest(step_s, steps)
+        self._check_height()
+
+    def _check_height(self) -> None:
+        """Raise LoadEvent where an end of a link is as high as the platform."""
+        if self._plane is not None:
+            is_below = math.cos(self._plane.angle_rad) > 0.0
+            number = 1
+        else:
+            down_m, number, is_below = 0.0, 0, True
+            for number, length_m in enumerate(self._lengths_m, start=1):
+                down_m -= length_m * self._space.directions[number - 1][2]
+                is_below = down_m > 0.0
+                if not is_below:
+                    break
+        if not is_below:
+            raise LoadEvent(
+                f"the load swung up to the robot {self._elapsed_s:.3f} s after the start of the "
+                f"bench: the lower end of link {number} must stay below the platform: move slower, "
+                "or push less"
+            )
 
 
 def _in_space(
@@ -108,7 +131,12 @@ def _in_space(
     Raises ValueError for a change of length of another load than one plain cable.
     """
     plain = LinkParams(length_m=1.0, mass_kg=1.0)
-    keys = ("joint_stiffness_n_m_rad", "joint_damping_n_m_s_rad", "drag_n_s2_m2")
+    keys = (
+        "joint_stiffness_n_m_rad",
+        "joint_damping_n_m_s_rad",
+        "drag_n_s2_m2",
+        "breaking_n",
+    )
     has_joint = any(getattr(links[0], key) != getattr(plain, key) for key in keys)
     is_plain = len(links) == 1 and not (pushes or has_joint or load.pivot_friction_n_m)
     if changes:

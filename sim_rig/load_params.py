@@ -26,6 +26,7 @@ class LinkParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     kind: Literal["point", "bar"] = "point"
     joint_stiffness_n_m_rad: NotNegative = 0.0
     joint_damping_n_m_s_rad: NotNegative = 0.0
+    breaking_n: Annotated[float, Meta(gt=0.0, le=1e9)] = 1e9  # tension at which a cable tears
     drag_n_s2_m2: NotNegative = 0.0  # force of the air over the square of the speed of the mass
     # at the start, in the planes x and y: tan = horizontal over downward component
     initial_x_rad: Angle = 0.0

@@ -67,6 +67,7 @@ class SpatialChain:
         self._has_damping = bool(matrices.damping.any())
         self._has_drag = any(link.drag_n_s2_m2 for link in links)
         self._joints = ChainJoints(links, load.pivot_friction_n_m)
+        self._weakest_n = min(link.breaking_n for link in links)
         self._has_joints = self._joints.has_any
         self._gravity_m_s2 = load.gravity_m_s2
         self._has_friction = load.pivot_friction_n_m > 0.0
@@ -167,7 +168,7 @@ class SpatialChain:
             stages = [pivot.at(share) for share in (k / count, (k + 0.5) / count, (k + 1) / count)]
             self._runge_kutta(step_s / count, *stages)
         self._t_s += step_s
-        if self._pushes or min(self._tensions_n) < 0.0:
+        if min(self._tensions_n) < 0.0 or max(self._tensions_n) > self._weakest_n:
             self._check_tension()
 
     def _runge_kutta(self, h: float, first: Vector, middle: Vector, last: Vector) -> None:
@@ -251,7 +252,15 @@ class SpatialChain:
 
     def _check_tension(self) -> None:
         for i, (tension_n, link) in enumerate(zip(self._tensions_n, self._links, strict=True)):
-            if link.kind == "point" and tension_n < 0.0:
+            if link.kind != "point":
+                continue
+            if tension_n > link.breaking_n:
+                raise LoadEvent(
+                    f"cable {i + 1} of the load tore at {self._t_s:.3f} s of the bench (tension "
+                    f"{tension_n:.3g} N; must be <= breaking_n = {link.breaking_n:g} N): move "
+                    "slower, or take a stronger cable"
+                )
+            if tension_n < 0.0:
                 raise LoadEvent(
                     f"cable {i + 1} of the load went slack at {self._t_s:.3f} s of the bench "
                     f"(tension {tension_n:.3g} N; must be >= 0): move slower, or push less"

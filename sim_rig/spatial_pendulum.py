@@ -41,6 +41,11 @@ class SpatialPendulum:
         """Angles and rates of the link."""
         return [state(self._u, self._w)]
 
+    @property
+    def directions(self) -> list[Vector]:
+        """Unit vector of the link."""
+        return [self._u]
+
     def set_state(self, u: Vector, w: Vector) -> None:
         """Set the unit vector of the link and its derivative [1/s]."""
         self._u, self._w = u, w

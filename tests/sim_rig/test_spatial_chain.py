@@ -240,6 +240,17 @@ def test_a_cable_that_goes_slack_ends_the_simulation() -> None:
     SpatialChain([bar], FREE).advance_at_rest(STEP_S, 2000)
 
 
+def test_a_cable_that_is_pulled_too_hard_tears() -> None:
+    """At the lowest point of a swing from 60 degrees the tension is 2 m g."""
+    strong, weak = (
+        LinkParams(length_m=1.0, mass_kg=0.7, initial_x_rad=math.pi / 3, breaking_n=share * 7.0 * G)
+        for share in (0.201, 0.199)
+    )
+    SpatialChain([strong], FREE).advance_at_rest(STEP_S, 1500)
+    with pytest.raises(LoadEvent, match="cable 1 of the load tore at 0"):
+        SpatialChain([weak], FREE).advance_at_rest(STEP_S, 1500)
+
+
 @pytest.mark.parametrize(
     ("load", "pushes", "text"),
     [

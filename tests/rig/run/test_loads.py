@@ -128,6 +128,22 @@ def test_a_cable_that_goes_slack_ends_the_run_and_says_so(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize(
+    "load",
+    [
+        ["bench.pendulum.length_m=0.1", "bench.pendulum.initial_swing_rad=1.5"],
+        ["bench.pendulum={}", 'bench.links=[{length_m=0.1, mass_kg=0.7, kind="bar"}]'],
+    ],
+)
+def test_a_load_that_swings_up_to_the_robot_ends_the_run(tmp_path: Path, load: list[str]) -> None:
+    """A cable of 0.1 m under a fast move of 0.2 m."""
+    fast = ["move.time_s=0.28", "experiment.planner=law", "limits.acceleration_m_s2=70"]
+    wide = ["limits.speed_m_s=9", "experiment.watch_s=3", "model.length_m=0.1"]
+    ran, _ = run(tmp_path, "move", [*BRIEF, *fast, *wide, *load])
+    assert ran.outcome.exit_code == 5
+    assert "the load swung up to the robot" in ran.outcome.reasons[0]
+
+
+@pytest.mark.parametrize(
     ("changes", "text"),
     [
         (["move.axis=y"], "sees the swing along x alone"),
