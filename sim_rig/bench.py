@@ -43,6 +43,10 @@ class SimulatedPlant(Protocol):
         """Angular velocity of the load."""
 
     @property
+    def cable_modes_m(self) -> tuple[float, ...]:
+        """Amplitudes of the vibration of the cable itself in the plane x."""
+
+    @property
     def links(self) -> list[LinkState]:
         """Angles and rates of the links of the load."""
 
@@ -118,6 +122,11 @@ class Bench:
     def angular_velocity_rad_s(self) -> float:
         """Angular velocity of the cable."""
         return self._load.angular_velocity_rad_s
+
+    @property
+    def cable_modes_m(self) -> tuple[float, ...]:
+        """Amplitudes of the vibration of the cable itself in the plane x."""
+        return self._load.cable_modes_m
 
     @property
     def links(self) -> list[LinkState]:

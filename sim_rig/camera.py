@@ -7,6 +7,7 @@ at (width / 2, height / 2).
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from comms.messages import Position
@@ -15,6 +16,7 @@ from sim_rig import params
 MIN_DEPTH_M = 0.01  # distance from the plane of the camera; nothing closer is imaged
 # nor a cable within 6 degrees of the horizontal: its width would be below the steps of cos(tilt)
 MIN_COS_ANGLE = 0.1
+BEND_POINTS = 40  # on the visible part of a vibrating cable
 
 
 class CableLine(NamedTuple):
@@ -37,6 +39,26 @@ class Pinhole:
         pitch_rad = math.radians(camera.pitch_deg)
         self._cos = math.cos(pitch_rad)
         self._sin = math.sin(pitch_rad)
+
+    def bend_rad(self, cable_m: float, modes_m: Sequence[float]) -> float:
+        """Compute the angle by which a vibrating cable seems to turn in the picture.
+
+        Slope of the straight line through the pivot with the least squares over the visible part,
+        of sum_k q_k sin(k pi s / L).
+        """
+        above_px = self._focal_px / self._distance_m * self._above_m - self._centre_px[1]
+        scale = self._distance_m / self._focal_px
+        upper_m = min(max(0.0, above_px * scale), cable_m)
+        lower_m = min(cable_m, (above_px + 2.0 * self._centre_px[1]) * scale)
+        if lower_m <= upper_m:
+            return 0.0
+        product = square = 0.0
+        for j in range(BEND_POINTS):
+            s = upper_m + (j + 0.5) / BEND_POINTS * (lower_m - upper_m)
+            turn = math.pi * s / cable_m
+            product += s * sum(q * math.sin(k * turn) for k, q in enumerate(modes_m, start=1))
+            square += s * s
+        return product / square
 
     def line(self, position_m: Position, angle_rad: float) -> CableLine | None:
         """Project the cable of a platform at position_m.

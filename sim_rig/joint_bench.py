@@ -20,6 +20,7 @@ class JointBench:
 
     position_m: Position = (0.0, 0.0, 0.0)
     velocity_m_s: Velocity = (0.0, 0.0, 0.0)
+    cable_modes_m: tuple[float, ...] = ()
 
     def __init__(
         self,

@@ -7,12 +7,13 @@ from collections.abc import Sequence
 
 from sim_rig.hoisted_pendulum import HoistedPendulum
 from sim_rig.link_angles import LinkState
-from sim_rig.load_params import LengthChange, LinkParams, LoadParams, Push
+from sim_rig.load_params import LinkParams, LoadParams
 from sim_rig.params import BenchParams, PendulumParams
 from sim_rig.pendulum import Pendulum
 from sim_rig.spatial_chain import LoadEvent, SpatialChain
 from sim_rig.spatial_pendulum import SpatialPendulum
 from sim_rig.vectors import Vector
+from sim_rig.vibrating_pendulum import VibratingPendulum
 
 # speed across the plane that is neglected: a swing of at most 10 urad of a load of 1 m
 PLANE_SPEED_M_S = 3e-5
@@ -31,10 +32,10 @@ class Load:
         self._elapsed_s = 0.0
         self._lengths_m = [link.length_m for link in params.links] or [params.pendulum.length_m]
         if params.links:
-            self._space = _in_space(params.links, params.load, params.pushes, params.length_changes)
-        elif params.pushes or params.length_changes:
+            self._space = _in_space(params.links, params.load, params)
+        elif params.pushes or params.length_changes or params.cable:
             link, load = _as_link(params.pendulum)
-            self._space = _in_space([link], load, params.pushes, params.length_changes)
+            self._space = _in_space([link], load, params)
         else:
             self._plane = Pendulum(params.pendulum)
 
@@ -45,6 +46,13 @@ class Load:
         if plane is None:
             return self._space.links
         return [LinkState(plane.angle_rad, 0.0, plane.angular_velocity_rad_s, 0.0)]
+
+    @property
+    def cable_modes_m(self) -> tuple[float, ...]:
+        """Amplitudes of the vibration of the cable itself in the plane x; () without one."""
+        if self._plane is not None or isinstance(self._space, SpatialChain):
+            return ()
+        return self._space.cable_modes_m
 
     @property
     def angle_rad(self) -> float:
@@ -121,14 +129,11 @@ class Load:
 
 
 def _in_space(
-    links: Sequence[LinkParams],
-    load: LoadParams,
-    pushes: Sequence[Push],
-    changes: Sequence[LengthChange],
+    links: Sequence[LinkParams], load: LoadParams, params: BenchParams
 ) -> SpatialChain | SpatialPendulum:
     """Make a load in space, in its fast form where that is enough.
 
-    Raises ValueError for a change of length of another load than one plain cable.
+    Raises ValueError for a change of length, or a vibration, of another load than one plain cable.
     """
     plain = LinkParams(length_m=1.0, mass_kg=1.0)
     keys = (
@@ -138,7 +143,15 @@ def _in_space(
         "breaking_n",
     )
     has_joint = any(getattr(links[0], key) != getattr(plain, key) for key in keys)
+    pushes, changes, cable = params.pushes, params.length_changes, params.cable
     is_plain = len(links) == 1 and not (pushes or has_joint or load.pivot_friction_n_m)
+    if cable is not None:
+        if not is_plain or changes:
+            raise ValueError(
+                "[bench.cable] of this load; must be one cable without joint, drag, friction, "
+                "pushes and changes of length: simplify the load, or leave the vibration out"
+            )
+        return VibratingPendulum(links[0], load, cable)
     if changes:
         if not is_plain or links[0].kind != "point":
             raise ValueError(

@@ -72,3 +72,11 @@ class LengthChange(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     at_s: Annotated[float, Meta(ge=0.0, le=1e5)]
     duration_s: Annotated[float, Meta(ge=0.05, le=100.0)] = 1.0
     change_m: Annotated[float, Meta(ge=-20.0, le=20.0)]
+
+
+class CableParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Vibration of the only cable itself (`[bench.cable]`): first modes of a string."""
+
+    linear_density_kg_m: Annotated[float, Meta(gt=0.0, le=10.0)] = 0.0009  # nylon of 1 mm
+    modes: Annotated[int, Meta(ge=1, le=10)] = 3
+    damping_ratio: Annotated[float, Meta(gt=0.0, lt=1.0)] = 0.01  # of each mode

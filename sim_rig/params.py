@@ -16,7 +16,7 @@ from sim_rig.ball_screw_params import BallScrewParams
 from sim_rig.drive_faults import DriveFault
 from sim_rig.input_check import InputBounds
 from sim_rig.joint_params import Joint
-from sim_rig.load_params import MAX_LINKS, LengthChange, LinkParams, LoadParams, Push
+from sim_rig.load_params import MAX_LINKS, CableParams, LengthChange, LinkParams, LoadParams, Push
 from sim_rig.quattro_params import QuattroParams
 
 
@@ -78,6 +78,7 @@ class BenchParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     links: Annotated[tuple[LinkParams, ...], Meta(max_length=MAX_LINKS)] = ()
     load: LoadParams = LoadParams()  # of the links
     pushes: tuple[Push, ...] = ()
+    cable: CableParams | None = None  # vibration of the cable itself
     length_changes: tuple[LengthChange, ...] = ()
     robot: RobotParams = RobotParams()
     camera: CameraParams = CameraParams()

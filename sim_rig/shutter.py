@@ -38,6 +38,8 @@ class Shutter:
         self._period_ns = round(1e9 / params.view.rate_hz)
         self._pinhole = Pinhole(params.camera, params.view, params.home_m)
         self._renderer = Renderer(params.camera, params.view, params.seed)
+        first = params.links[0] if params.links else params.pendulum
+        self._cable_m = first.length_m
         self._taken = 0
         # (line, angle) at the start, the middle and the end of the exposure
         self._samples: list[tuple[CableLine | None, float]] = []
@@ -57,7 +59,11 @@ class Shutter:
 
         The end gives the exposure with its image.
         """
-        line = self._pinhole.line(bench.position_m, bench.angle_rad)
+        modes_m = bench.cable_modes_m
+        shown_rad = bench.angle_rad
+        if modes_m:
+            shown_rad += self._pinhole.bend_rad(self._cable_m, modes_m)
+        line = self._pinhole.line(bench.position_m, shown_rad)
         self._samples.append((line, bench.angle_rad))
         if len(self._samples) == 1:
             self.next_ns = self._start_ns + self.exposure_ns // 2

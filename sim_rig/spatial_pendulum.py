@@ -7,7 +7,7 @@ import math
 from sim_rig.chain_matrices import ChainMatrices
 from sim_rig.link_angles import LinkState, direction, rate, state
 from sim_rig.load_params import LinkParams, LoadParams
-from sim_rig.pivot import pivot_steps
+from sim_rig.pivot import PivotStep, pivot_steps
 from sim_rig.spatial_chain import STEP_OF_ONE_LINK_RAD, LoadEvent
 from sim_rig.vectors import Vector
 
@@ -46,6 +46,11 @@ class SpatialPendulum:
         """Unit vector of the link."""
         return [self._u]
 
+    @property
+    def cable_modes_m(self) -> tuple[float, ...]:
+        """Amplitudes of the vibration of the cable itself; none here."""
+        return ()
+
     def set_state(self, u: Vector, w: Vector) -> None:
         """Set the unit vector of the link and its derivative [1/s]."""
         self._u, self._w = u, w
@@ -73,12 +78,16 @@ class SpatialPendulum:
         self, step_s: float, vx_m_s: list[float], vy_m_s: list[float], vz_m_s: list[float]
     ) -> None:
         """Integrate (N - 1) / 2 steps of step_s, as SpatialChain.advance. Raises LoadEvent."""
-        count = max(1, math.ceil(step_s / self._substep_s))
         for step in pivot_steps(step_s, (vx_m_s, vy_m_s, vz_m_s)):
-            for i in range(count):
-                shares = (i / count, (i + 0.5) / count, (i + 1) / count)
-                self._runge_kutta(step_s / count, *(step.at(share) for share in shares))
-            self._end_step(step_s)
+            self._advance_step(step_s, step)
+
+    def _advance_step(self, step_s: float, pivot: PivotStep) -> None:
+        """Integrate a step."""
+        count = max(1, math.ceil(step_s / self._substep_s))
+        for i in range(count):
+            shares = (i / count, (i + 0.5) / count, (i + 1) / count)
+            self._runge_kutta(step_s / count, *(pivot.at(share) for share in shares))
+        self._end_step(step_s)
 
     def advance_at_rest(self, step_s: float, steps: int) -> None:
         """Integrate steps of step_s with the pivot at rest. Raises LoadEvent.

@@ -194,6 +194,7 @@ class BenchSection(Section, frozen=True, kw_only=True):
     load: dict[str, Any] = {}  # what the links have in common
     pushes: list[dict[str, Any]] = []
     length_changes: list[dict[str, Any]] = []
+    cable: dict[str, Any] | None = None  # vibration of the cable itself
     robot: dict[str, Any] = {}
     camera: dict[str, Any] = {}
     drive_faults: list[dict[str, Any]] = []  # of a robot with a drive

@@ -25,7 +25,7 @@ from sim_rig.drive_logic import DriveLogic, DriveReading
 from sim_rig.input_check import InputBounds
 from sim_rig.joint_params import PARAMETER_SETS, Joint
 from sim_rig.load import Load
-from sim_rig.load_params import LengthChange, LinkParams, LoadParams, Push
+from sim_rig.load_params import CableParams, LengthChange, LinkParams, LoadParams, Push
 from sim_rig.params import BenchParams, CameraParams, PendulumParams, RobotParams, View
 from sim_rig.quattro_params import QuattroParams
 from sim_rig.task import BenchTask
@@ -69,6 +69,7 @@ def params(experiment: Experiment) -> BenchParams:
             links=tuple(convert(link, LinkParams, "bench.links") for link in bench.links),
             load=convert(bench.load, LoadParams, "bench.load"),
             pushes=tuple(convert(push, Push, "bench.pushes") for push in bench.pushes),
+            cable=None if bench.cable is None else convert(bench.cable, CableParams, "bench.cable"),
             length_changes=tuple(
                 convert(change, LengthChange, "bench.length_changes")
                 for change in bench.length_changes
