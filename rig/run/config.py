@@ -283,10 +283,10 @@ def _read_tables(name_or_path: str) -> dict[str, Any]:
         return read_toml(path, "experiment")
     if path.is_dir():
         raise ConfigError(
-            f"experiment '{name_or_path}': a folder; must be a TOML file or a shipped experiment, "
-            f"{', '.join(known)}; a recorded run is shown by `rig analyze {name_or_path}`"
+            f"experiment '{name_or_path}': a folder; must be a TOML file or a shipped experiment "
+            f"(`rig run --list`); a recorded run is shown by `rig analyze {name_or_path}`"
         )
     raise ConfigError(
         f"experiment '{name_or_path}': no such file and not a shipped experiment"
-        f"{nearest(name_or_path, known)}; shipped: {', '.join(known)}"
+        f"{nearest(name_or_path, known)}; `rig run --list` names the shipped ones"
     )

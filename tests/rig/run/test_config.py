@@ -327,7 +327,7 @@ def test_a_missing_file_is_answered_with_what_is_shipped() -> None:
         config.read_experiment("mov", [])
     assert str(error.value) == (
         "experiment 'mov': no such file and not a shipped experiment, did you mean 'move'?; "
-        f"shipped: {', '.join(config.shipped())}"
+        "`rig run --list` names the shipped ones"
     )
 
 
