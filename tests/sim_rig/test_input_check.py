@@ -148,9 +148,11 @@ def test_a_forged_setpoint_does_not_move_the_robot_and_is_a_fault_with_the_figur
 
 @pytest.mark.parametrize("bounds", [None, COUNTING], ids=["no bounds", "counting"])
 def test_without_bounds_or_counting_alone_the_robot_follows(bounds: InputBounds | None) -> None:
+    """At 360 m/s it takes the load up with it, where the simulation ends."""
     sends = after_a_forged_setpoint(bounds)
-    assert farthest_m(sends) > 9.0
-    assert not [s for s in sends if isinstance(s.message, Reply)]
+    assert farthest_m(sends) > 0.5
+    (report,) = [s.message for s in sends if isinstance(s.message, Reply)]
+    assert report.text.startswith("the load swung up to the robot")
 
 
 def test_a_robot_that_stopped_by_itself_takes_no_setpoint_any_more() -> None:

@@ -16,6 +16,8 @@ from rig.ui.cli.study_dropouts import dropouts
 ACCELERATION_M_S2 = 5.5  # bound of the shipped experiment
 Cells = dict[tuple[str, str, float], DropoutRow]
 
+pytestmark = pytest.mark.xdist_group("dropouts")  # one worker computes what its tests share
+
 
 def cells(**keys: object) -> Cells:
     """Run a study; rows by policy, planner and loss."""

@@ -39,6 +39,8 @@ SPEC = read_spec(None)
 # the last bit of a sum decides which encoder step is read: residuals differ between processors
 ENCODER_REL = {"ripple": 0.02, "together": 0.02}
 
+pytestmark = pytest.mark.xdist_group("servo_compare")  # one worker computes what its tests share
+
 
 def compare(spec, truths, names):
     return runs(spec, truths, build_drives(spec, names))
