@@ -52,11 +52,7 @@ class QuattroPort(SetpointPort):
             return None
         if setpoint.values == self._setpoint:
             return self._place_m
-        try:
-            pose = pose_of(self._legs, setpoint.values[:JOINTS], self._pose)
-        except ValueError:
-            return None
-        self._pose = pose
+        self._pose = pose = pose_of(self._legs, setpoint.values[:JOINTS], self._pose)
         self._place_m = pose.x_m, pose.y_m, pose.z_m - self._quattro.home_z_m
         return self._place_m
 

@@ -75,7 +75,10 @@ class SetpointPort:
         if not isinstance(message, Setpoint) or self.phase is Phase.FAULT:
             return []
         self.phase = Phase.RUNNING
-        position_m = self._position_m(message)
+        try:
+            position_m = self._position_m(message)
+        except ValueError as error:
+            return self._stop_by_itself(f"setpoint out of reach: {error}", t_ns)
         if position_m is None:
             text = f"setpoint of {message.count} joints in {message.space.value}"
             return self._stop_by_itself(f"{text}; must be {self.expected}", t_ns)
@@ -97,7 +100,10 @@ class SetpointPort:
         return [Send("joint_state", reading, t_ns)]
 
     def _position_m(self, setpoint: Setpoint) -> Position | None:
-        """Compute the position that a setpoint asks for; None where it is for another robot."""
+        """Compute the position that a setpoint asks for; None where it is for another robot.
+
+        Raises ValueError for one out of reach.
+        """
         return setpoint.position_m
 
     def _give(self, values: JointValues, bench: SimulatedPlant) -> None:

@@ -17,6 +17,7 @@ from comms.messages import (
     Truth,
     axis_setpoint,
     axis_state,
+    joint_setpoint,
     joint_state,
 )
 from comms.replies import Replies
@@ -166,6 +167,13 @@ def test_a_setpoint_in_metres_stops_the_robot() -> None:
     (report,) = port.take(axis_setpoint(0, 0, (0.0, 0.0, 0.0)), 0, plant)
     assert isinstance(report.message, Reply)
     assert "setpoint of 3 joints in m; must be 4 joints in rad" in report.message.text
+
+
+def test_joints_that_do_not_close_are_named_and_stop_the_robot() -> None:
+    port, plant = quattro_port()
+    (report,) = port.take(joint_setpoint(0, 0, (1.5, -0.9, 1.5, -0.9)), 0, plant)
+    assert isinstance(report.message, Reply)
+    assert report.message.text.startswith("setpoint out of reach: ")
 
 
 def test_the_controller_finds_back_the_position_of_its_own_setpoint() -> None:
