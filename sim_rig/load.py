@@ -10,7 +10,7 @@ from sim_rig.link_angles import LinkState
 from sim_rig.load_params import LinkParams, LoadParams
 from sim_rig.params import BenchParams, PendulumParams
 from sim_rig.pendulum import Pendulum
-from sim_rig.spatial_chain import LoadEvent, SpatialChain
+from sim_rig.spatial_chain import LoadEvent, SpatialChain, slack_text
 from sim_rig.spatial_pendulum import SpatialPendulum
 from sim_rig.vectors import Vector
 from sim_rig.vibrating_pendulum import VibratingPendulum
@@ -95,6 +95,7 @@ class Load:
             if max(map(abs, vy_m_s)) <= PLANE_SPEED_M_S:
                 self._plane.advance(step_s, vx_m_s, vz_m_s)
                 self._check_height()
+                self._check_plane_tension(step_s, vx_m_s, vz_m_s)
                 return
             self._space = _leave_plane(self._plane, self._pendulum)
             self._plane = None
@@ -107,6 +108,13 @@ class Load:
         load = self._space if self._plane is None else self._plane
         load.advance_at_rest(step_s, steps)
         self._check_height()
+
+    def _check_plane_tension(self, step_s: float, vx_m_s: list[float], vz_m_s: list[float]) -> None:
+        """Raise LoadEvent where the planar cable is slack at the end of the last step."""
+        ax, az = ((v[-1] - v[-2]) / (0.5 * step_s) for v in (vx_m_s, vz_m_s))
+        if self._plane is not None and self._plane.tension_m_s2(ax, az) < 0.0:
+            tension_n = self._pendulum.mass_kg * self._plane.tension_m_s2(ax, az)
+            raise LoadEvent(slack_text(1, self._elapsed_s, tension_n))
 
     def _check_height(self) -> None:
         """Raise LoadEvent where an end of a link is as high as the platform."""
@@ -123,8 +131,8 @@ class Load:
         if not is_below:
             raise LoadEvent(
                 f"the load swung up to the robot {self._elapsed_s:.3f} s after the start of the "
-                f"bench: the lower end of link {number} must stay below the platform: move slower, "
-                "or push less"
+                f"bench: the lower end of link {number} must stay below the platform: let "
+                "motion and pushes be slower"
             )
 
 

@@ -40,10 +40,14 @@ class Pendulum:
         load stays behind.
         """
         ax, _, az = acceleration_m_s2
+        tension_n = mass_kg * self.tension_m_s2(ax, az)
+        return tension_n * math.sin(self.angle_rad), 0.0, -tension_n * math.cos(self.angle_rad)
+
+    def tension_m_s2(self, ax_m_s2: float, az_m_s2: float) -> float:
+        """Compute the tension over the mass, of a pivot that accelerates so."""
         s, c = math.sin(self.angle_rad), math.cos(self.angle_rad)
         central_m_s2 = self._length_m * self.angular_velocity_rad_s**2
-        tension_n = mass_kg * ((self._gravity_m_s2 + az) * c + central_m_s2 - ax * s)
-        return tension_n * s, 0.0, -tension_n * c
+        return (self._gravity_m_s2 + az_m_s2) * c + central_m_s2 - ax_m_s2 * s
 
     def advance(self, step_s: float, vx_m_s: list[float], vz_m_s: list[float]) -> None:
         """Integrate (N - 1) / 2 steps of step_s with a moving pivot (Runge-Kutta 4).

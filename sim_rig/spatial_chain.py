@@ -41,6 +41,14 @@ MAX_SUBSTEPS = 40  # of a millisecond
 PUSH_ROUNDING_S = 1e-9
 
 
+def slack_text(number: int, t_s: float, tension_n: float) -> str:
+    """Say that a cable went slack."""
+    return (
+        f"cable {number} of the load went slack at {t_s:.3f} s of the bench (tension "
+        f"{tension_n:.3g} N; must be >= 0): let motion, pushes and changes of length be slower"
+    )
+
+
 class LoadEvent(ValueError):
     """Event that ends the simulation: a cable went slack."""
 
@@ -92,6 +100,7 @@ class SpatialChain:
         self._w = [rate(u, link) for u, link in zip(self._u, links, strict=True)]
         self._speed: Vector = (0.0, 0.0, 0.0)  # of the pivot, for the drag of the air
         self._tensions_n = self._accelerations(self._u, self._w, (0.0, 0.0, 0.0))[1]
+        self._check_hanging(load.tip_mass_kg)
 
     @property
     def links(self) -> list[LinkState]:
@@ -250,6 +259,19 @@ class SpatialChain:
         t_s = self._t_s - self.run_start_s + PUSH_ROUNDING_S
         return [push for push in self._pushes if push.at_s <= t_s < push.at_s + push.duration_s]
 
+    def _check_hanging(self, tip_mass_kg: float) -> None:
+        """Raise ValueError for a cable that tears under the load that hangs at rest."""
+        below_kg = tip_mass_kg
+        for number in range(self._n, 0, -1):
+            link = self._links[number - 1]
+            below_kg += link.mass_kg
+            weight_n = below_kg * self._gravity_m_s2
+            if weight_n > link.breaking_n:
+                raise ValueError(
+                    f"breaking_n = {link.breaking_n:g} of link {number} in [[bench.links]]; must "
+                    f"be > {weight_n:.3g} N, what hangs on it at rest: take a stronger cable"
+                )
+
     def _check_tension(self) -> None:
         for i, (tension_n, link) in enumerate(zip(self._tensions_n, self._links, strict=True)):
             if link.kind != "point":
@@ -257,14 +279,11 @@ class SpatialChain:
             if tension_n > link.breaking_n:
                 raise LoadEvent(
                     f"cable {i + 1} of the load tore at {self._t_s:.3f} s of the bench (tension "
-                    f"{tension_n:.3g} N; must be <= breaking_n = {link.breaking_n:g} N): move "
-                    "slower, or take a stronger cable"
+                    f"{tension_n:.3g} N; must be <= breaking_n = {link.breaking_n:g} N): let "
+                    "motion and pushes be slower, or take a stronger cable"
                 )
             if tension_n < 0.0:
-                raise LoadEvent(
-                    f"cable {i + 1} of the load went slack at {self._t_s:.3f} s of the bench "
-                    f"(tension {tension_n:.3g} N; must be >= 0): move slower, or push less"
-                )
+                raise LoadEvent(slack_text(i + 1, self._t_s, tension_n))
 
     def _normalise(self) -> None:
         """Remove the rounding: unit vectors, and rates across them."""

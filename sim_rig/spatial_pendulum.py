@@ -8,7 +8,7 @@ from sim_rig.chain_matrices import ChainMatrices
 from sim_rig.link_angles import LinkState, direction, rate, state
 from sim_rig.load_params import LinkParams, LoadParams
 from sim_rig.pivot import PivotStep, pivot_steps
-from sim_rig.spatial_chain import STEP_OF_ONE_LINK_RAD, LoadEvent
+from sim_rig.spatial_chain import STEP_OF_ONE_LINK_RAD, LoadEvent, slack_text
 from sim_rig.vectors import Vector
 
 
@@ -133,10 +133,7 @@ class SpatialPendulum:
         self._t_s += step_s
         if self._is_cable and self._tension_factor > 0.0:
             tension_n = -self._tension_factor * self._inertia_kg_m2 / self._length_m
-            raise LoadEvent(
-                f"cable 1 of the load went slack at {self._t_s:.3f} s of the bench "
-                f"(tension {tension_n:.3g} N; must be >= 0): move slower, or push less"
-            )
+            raise LoadEvent(slack_text(1, self._t_s, tension_n))
 
     def _runge_kutta(self, h: float, first: Vector, middle: Vector, last: Vector) -> None:
         (x, y, z), (vx, vy, vz) = self._u, self._w

@@ -19,6 +19,7 @@ AS_PLANNED_RAD = 0.3e-3  # a residual swing this close to the planned one is as 
 EXPLAINED_REL = 0.25  # of the measured residual swing: error of a prediction that explains it
 MIN_LENGTH_ERROR_M = 1e-3  # what g, known to 0.01 m/s2, leaves uncertain of a length
 SIGNIFICANT_SIGMAS = 5.0
+SWING_SIGMAS = 20.0  # of the amplitude: smallest swing that tells a length
 LENGTH_DIGITS = 3  # of a setting, to 1 mm
 
 
@@ -59,7 +60,7 @@ def conclude(run: RunLog, summary: Summary) -> Conclusion:
     setting = None if error_m is None else _setting(summary)
     command = f"{repeat_command(run, summary)} {setting.option}" if setting else ""
     if run.facts.rate_hz == 0.0:
-        sentence = "The run had no camera; the swing was not measured."
+        sentence = _unseen_sentence(summary)
     elif summary.move_time_s == 0.0:
         sentence = _free_decay_sentence(run, summary, error_m)
     else:
@@ -94,6 +95,11 @@ def _length_error_m(run: RunLog, summary: Summary) -> float | None:
     sigma_m = summary.sigma.cable_length_m
     if run.facts.is_chain or length_m is None or sigma_m is None:
         return None
+    swing_rad, noise_rad = summary.measured.residual_swing_rad, summary.sigma.residual_swing_rad
+    if swing_rad is None or noise_rad is None or swing_rad < SWING_SIGMAS * noise_rad:
+        return None  # hardly a swing: its period is that of the noise
+    if run.plant_params.get("length_changes"):
+        return None  # it had several lengths
     error_m = length_m - run.facts.cable_length_m
     bound_m = max(MIN_LENGTH_ERROR_M, SIGNIFICANT_SIGMAS * sigma_m)
     return error_m if abs(error_m) > bound_m else None
@@ -112,7 +118,18 @@ def _joint_sentence(joint: JointFigures) -> str:
     )
     if joint.settled_s is None:
         return f"{sentence}."
-    return f"{sentence}; it is at rest {joint.settled_s * 1e3:.0f} ms after the end."
+    return f"{sentence}; it stays below 1 % from {joint.settled_s * 1e3:.0f} ms after the end on."
+
+
+def _unseen_sentence(summary: Summary) -> str:
+    """Conclude a run without a camera from the truth, where there is one."""
+    unseen = "The run had no camera; the swing was not measured."
+    residual_rad = summary.truth.residual_swing_rad if summary.truth else None
+    if residual_rad is None or summary.move_time_s == 0.0:
+        return unseen
+    planned_rad = summary.planned.residual_swing_rad
+    instead = "" if planned_rad is None else f", {planned_rad * 1e3:.2f} mrad planned"
+    return f"{unseen} In truth the load keeps {residual_rad * 1e3:.2f} mrad{instead}."
 
 
 def _free_decay_sentence(run: RunLog, summary: Summary, error_m: float | None) -> str:

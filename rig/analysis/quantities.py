@@ -42,6 +42,8 @@ def measured_quantities(run: RunLog, fit: DecayFit | None) -> tuple[Quantities, 
         "damping_ratio": (fit.damping_ratio, fit.sigma_damping_ratio),
         "cable_length_m": (cable_length_m(frequency_hz, g), sigma_length_m),
     }
+    if run.facts.is_chain:
+        del found["cable_length_m"]
     for name, (value, deviation) in found.items():
         setattr(sigma, name, deviation)
         if is_identifiable(value, deviation):

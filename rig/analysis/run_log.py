@@ -134,15 +134,20 @@ class RunLog:
 
     @cached_property
     def truth(self) -> FloatArray:
-        """Truth of the platform and of the link on it, along X (N, 4); (0, 4) on a real rig.
+        """Truth of the platform and of the link on it (N, 4); (0, 4) on a real rig.
 
-        Columns: instant [s], angle [rad], rate [rad/s], platform x [m].
+        Along X, or along Y where the plan moves there. Columns: instant [s], angle [rad], rate
+        [rad/s], position of the platform [m].
         """
-        rows = [
-            (t.t_ns * 1e-9, t.links[0].angle_x_rad, t.links[0].rate_x_rad_s, t.position_m[0])
-            for t in self.log.read("/truth", Truth)
-            if t.links
-        ]
+        is_y = self.main_axis == 1
+        rows = []
+        for t in self.log.read("/truth", Truth):
+            if t.links:
+                link = t.links[0]
+                swing = (link.angle_x_rad, link.rate_x_rad_s)
+                if is_y:
+                    swing = (link.angle_y_rad, link.rate_y_rad_s)
+                rows.append((t.t_ns * 1e-9, *swing, t.position_m[int(is_y)]))
         return np.array(rows, dtype=np.float64).reshape(-1, 4)
 
     @cached_property

@@ -41,6 +41,17 @@ def true_motion(run: RunLog) -> TrueMotion:
     return TrueMotion(t_s, np.array(angles).reshape(shape), np.array(rates).reshape(shape))
 
 
+def pushed_after(run: RunLog) -> bool:
+    """Tell if the simulated load was pushed, or its cable changed, after the move had settled."""
+    if run.t_start_s is None:
+        return False
+    settled_s = run.t_settled_s - run.t_start_s
+    end_s = run.plan.duration_s
+    events = [*run.plant_params.get("pushes", ()), *run.plant_params.get("length_changes", ())]
+    ends_s = [(one["at_s"], one["at_s"] + one.get("duration_s", 0.0)) for one in events]
+    return any(begin < end_s and end > settled_s for begin, end in ends_s)
+
+
 def is_beyond_a_pendulum(run: RunLog, motion: TrueMotion) -> bool:
     """Tell if the load has several links, or swung across the plane x."""
     plant = run.plant_params

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from rig.analysis.delays import MAX_REFERENCE_LATENESS_NS
 from rig.analysis.run_log import RunLog
 from rig.analysis.summary import Summary
+from rig.analysis.true_load import pushed_after, true_motion
 
 MIN_VALID_SHARE = 0.95  # of the frames, that must give an angle
 MAX_LATE_SHARE = 0.01  # of the references
 MAX_SWING_ERROR_RAD = 0.5e-3  # rms against the truth of a simulated plant, outside the move
+MAX_ACROSS_RAD = 0.5e-3  # swing across the plane of the camera
+NEGATIVE_SIGMAS = 5.0
 BAD_DATA_CODE = 6
 
 
@@ -48,6 +53,37 @@ def _defects(summary: Summary, run: RunLog, fit_failure: str) -> list[str]:
     return defects
 
 
+def _load_doubts(summary: Summary, run: RunLog) -> list[str]:
+    """List what the camera, which fits one straight cable in one plane, cannot judge."""
+    if not run.facts.rate_hz:
+        return []
+    doubts = []
+    motion = true_motion(run)
+    if motion.angles_rad.shape[1] > 1:
+        doubts.append(
+            f"the load has {motion.angles_rad.shape[1]} links; the camera fits one straight cable: "
+            "judge it by the truth, without a camera (--set camera.rate_hz=0)"
+        )
+    across_rad = float(np.abs(motion.angles_rad[..., 1]).max(initial=0.0))
+    if across_rad > MAX_ACROSS_RAD:
+        doubts.append(
+            f"the load swung {across_rad * 1e3:.1f} mrad across the plane that the camera sees; "
+            f"must be <= {MAX_ACROSS_RAD * 1e3:g} mrad: look for what pushed it"
+        )
+    if pushed_after(run):
+        doubts.append(
+            "the bench pushed the load, or changed its cable, in the time that the fit uses: put "
+            "it before the end of the move"
+        )
+    ratio, sigma = summary.measured.damping_ratio, summary.sigma.damping_ratio
+    if ratio is not None and sigma is not None and ratio < -NEGATIVE_SIGMAS * sigma:
+        doubts.append(
+            f"the damping ratio is {ratio:.2g}, {-ratio / sigma:.0f} standard deviations below 0: "
+            "something drives the swing"
+        )
+    return doubts
+
+
 def _doubts(summary: Summary, run: RunLog) -> list[str]:
     """List the reasons to doubt the numbers of a run."""
     doubts = []
@@ -70,11 +106,13 @@ def _doubts(summary: Summary, run: RunLog) -> list[str]:
             f"(policy {motion.policy}): {motion.asked_text}"
         )
     doubts += [f"no count from {end}: its packets cannot be balanced" for end in run.uncounted]
+    doubts += _load_doubts(summary, run)
     joint = summary.joint
-    if joint is not None and joint.arrived is False:
+    if joint is not None and joint.arrived is False and summary.exit_status == "ok":
         doubts.append(
             f"the load of the joint ended {joint.final_error_deg:.3g} degrees off its goal of "
-            f"{summary.move_deg:g}; must be within 1 %: look at torque limit and controller"
+            f"{summary.move_deg:g} degrees; must be within 1 %: look at torque limit, controller "
+            "and gear ratio"
         )
     late = summary.lateness
     too_late = late.references_late > MAX_LATE_SHARE * late.references

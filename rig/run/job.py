@@ -122,9 +122,9 @@ def prepare(
     links = planner_model(experiment).links_count
     if links != plant.links:
         raise Refused(
-            f"[model] has {links} links, [bench.pendulum] has {plant.links}; "
-            "the numbers must be equal: "
-            "show the plan with `rig plan --links`, or model the load as a cable (length_m)"
+            f"[model] has {links} links, the load of [bench] has {plant.links}; they must be "
+            "equal: give [model] links and [[bench.links]] alike, or [model] length_m and "
+            "[bench.pendulum]; `rig plan --links` shows a plan without a bench"
         )
     record = _record(experiment, plan, motion or (plan.motion if plan else None))
     envelope = safety_envelope(experiment)
@@ -232,7 +232,7 @@ def _check_envelope(record: PlanRecord, envelope: Envelope) -> None:
             at_s = k * PERIOD_NS * 1e-9 - record.quiet_s
             raise Refused(
                 f"the plan leaves the [safety] envelope {at_s:.2f} s into the move: {refusal}; "
-                "shorten or slow it"
+                f"{'start it inside: move.start_m' if k == 0 else 'shorten or slow it'}"
             )
 
 

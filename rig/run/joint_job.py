@@ -14,6 +14,7 @@ import numpy as np
 from comms.channels import MS
 from comms.plan_record import PlanRecord
 from planners.errors import unknown_name
+from planners.trajectories.trajectory import Trajectory
 from rig.drives.cia402.signals import PERMILLE
 from rig.drives.servo.errors import ServoError
 from rig.errors import ConfigError, Refused
@@ -34,8 +35,10 @@ WITHOUT_EFFECT = (
     "camera",
     "vision",
     "drive",
+    "robot",
 )  # tables that an experiment of the kind joint does not use
 PLANNER = "trapezoid"
+MIN_QUIET_S = 0.02  # rest before the move
 MAX_INCREMENTS = 2**31 - 1
 MAX_OFFSET_PERMILLE = 2**15 - 1
 NO_CAMERA = CameraSection(rate_hz=0.0)
@@ -46,12 +49,13 @@ def prepare_joint(experiment: Experiment, plant: Plant) -> Job:
     joint = _joint(experiment)
     _check_tables(experiment)
     e = experiment.experiment
+    _check_quiet(e.quiet_s)
     delay_s = _controller_delay_s(joint)
     program = _program(joint, e.quiet_s)
     node = joint.drive
     per_rad = node.increments_per_unit
     limit_rad = math.radians(node.position_limit_deg) * joint.model.gear_ratio
-    fastest_rad_s = joint.move.trajectory(joint.model.gear_ratio).peak(1).value
+    fastest_rad_s = _path(joint).peak(1).value
     settings = DriveSettings(
         node_id=node.node_id,
         identity=shipped_identity(node.node_id),
@@ -104,6 +108,11 @@ def _joint(experiment: Experiment) -> JointSection:
 def _check_tables(experiment: Experiment) -> None:
     """Refuse tables that would have no effect."""
     defaults = Experiment(experiment=experiment.experiment)
+    for name in ("pendulum", "links", "load", "pushes", "length_changes", "cable", "camera"):
+        if getattr(experiment.bench, name):
+            raise ConfigError(
+                f"[bench.{name}] in an experiment of the kind joint; has no effect there: remove it"
+            )
     for name in WITHOUT_EFFECT:
         if getattr(experiment, name) != getattr(defaults, name):
             hint = "give the keys in [joint]" if name in ("move", "model", "drive") else "remove it"
@@ -112,26 +121,39 @@ def _check_tables(experiment: Experiment) -> None:
             )
 
 
+def _check_quiet(quiet_s: float) -> None:
+    if quiet_s < MIN_QUIET_S:
+        raise ConfigError(
+            f"[experiment] quiet_s = {quiet_s:g}; must be >= {MIN_QUIET_S:g} s in an experiment of "
+            "the kind joint, for the bias of the accelerometer: raise it"
+        )
+
+
 def _controller_delay_s(joint: JointSection) -> float:
     """Design the controller once, so that what is wrong with it is said before anything starts."""
     if joint.controller not in CONTROLLERS:
-        raise unknown_name("[joint] controller =", joint.controller, CONTROLLERS)
+        raise unknown_name("[joint] controller", joint.controller, CONTROLLERS)
     try:
         return CONTROLLERS[joint.controller](joint).delay_s
     except ServoError as error:
         raise ConfigError(f"[joint] {joint.controller}: {error}") from error
 
 
+def _path(joint: JointSection) -> Trajectory:
+    """Make the path of the motor angle [rad]; raises ConfigError."""
+    return joint.move.trajectory(joint.model.gear_ratio, "[joint.move]")
+
+
 def _program(joint: JointSection, quiet_s: float) -> list[ProgramStep]:
     """Sample the trapezoid on the grid of the SYNCs, after the quiet time."""
-    node, ratio = joint.drive, joint.model.gear_ratio
+    node = joint.drive
     angle_deg = joint.move.load_angle_deg
     if abs(angle_deg) > node.position_limit_deg:
         raise Refused(
             f"[joint.move] load_angle_deg = {angle_deg:g}; must be within +-"
             f"{node.position_limit_deg:g} (joint.drive.position_limit_deg): shorten the move"
         )
-    path = joint.move.trajectory(ratio)
+    path = _path(joint)
     before = math.ceil(quiet_s / node.period_s - 1e-9)
     after = math.ceil(path.duration_s / node.period_s - 1e-9) + 1
     t_s = node.period_s * np.arange(-before, after + 1, dtype=np.float64)

@@ -36,7 +36,7 @@ def check_joint_space(record: PlanRecord, robot: RobotSettings, section: RobotSe
             if fastest > section.joint_speed_rad_s:
                 raise Refused(
                     f"the robot cannot follow the plan {where} the move: a joint turns at "
-                    f"{fastest:.1f} rad/s; must be <= {section.joint_speed_rad_s:g} rad/s "
+                    f"{fastest:.3g} rad/s; must be <= {section.joint_speed_rad_s:g} rad/s "
                     "([robot] joint_speed_rad_s): give the move more time"
                 )
         before = joints

@@ -13,14 +13,14 @@ def joint_rows(s: Summary) -> list[tuple[str, str, str]]:
     measured = f"{joint.residual_measured:.2%} ± {joint.residual_sigma:.2%}"
     return [
         ("residual vibration, of top speed", measured, _percent(joint.residual)),
-        ("settled after the end, band 1 %, ms", "", _settled(joint)),
+        ("below 1 % of top speed after the end, ms", "", _settled(joint)),
         ("speed error, rms, of top speed", "", _percent(joint.speed_error)),
         ("overshoot, mdeg", "", _milli(joint.overshoot_deg)),
         ("final error, mdeg", "", _milli(joint.final_error_deg)),
-        ("torque, peak, N m", "", f"{joint.peak_torque_n_m:.3f}"),
-        ("torque, rms over the move, N m", "", f"{joint.rms_torque_n_m:.3f}"),
-        ("torque, rms at rest, N m", "", f"{joint.rest_torque_n_m:.4f}"),
-        ("time at the torque limit, ms", "", f"{joint.at_limit_s * 1e3:.0f}"),
+        ("torque, peak, N m", f"{joint.peak_torque_n_m:.3f}", ""),
+        ("torque, rms over the move, N m", f"{joint.rms_torque_n_m:.3f}", ""),
+        ("torque, rms at rest, N m", f"{joint.rest_torque_n_m:.4f}", ""),
+        ("time at the torque limit, ms", f"{joint.at_limit_s * 1e3:.0f}", ""),
     ]
 
 

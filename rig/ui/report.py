@@ -27,7 +27,7 @@ JOINT_NOTE = (
     "The load's speed is the integral of its accelerometer, less the bias at rest, as in source "
     "001. ±: one standard deviation of its noise, integrated to the end of the recording."
 )
-JOINT_HEADS = ("quantity", "by the accelerometer", "true")
+JOINT_HEADS = ("quantity", "by accelerometer and drive", "true")
 QUANTITY_HEADS = ("quantity", "model", "planned", "measured ± noise", "true")
 SWINGS = ("peak_swing_rad", "residual_swing_rad")  # what losses change
 LEDGER_HEADS = (

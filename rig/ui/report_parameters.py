@@ -38,7 +38,7 @@ def parameter_rows(run: RunLog, summary: Summary) -> list[tuple[str, object]]:
         ("planner", _planner(run, tables)),
         ("limits", _limits(run, tables)),
         ("links", _links(tables)),
-        ("calibration", start.get("calibration") or NOT_RECORDED),
+        ("calibration", _calibration(run, start)),
         ("code", _code(start)),
         ("versions", _versions(start)),
         ("started", start.get("utc", NOT_RECORDED)),
@@ -137,6 +137,12 @@ def _faults(faults: Any) -> str:
     if "burst" in values:
         values["burst"] = int(values["burst"])
     return link_faults(LinkFaults(**values))
+
+
+def _calibration(run: RunLog, start: Mapping[str, str]) -> str:
+    if run.facts.rate_hz == 0.0:
+        return "no camera"
+    return start.get("calibration") or NOT_RECORDED
 
 
 def _code(start: Mapping[str, str]) -> str:

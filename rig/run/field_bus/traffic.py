@@ -133,7 +133,7 @@ def traffic_of(log: Log) -> Traffic:
     if not messages:
         raise RigError(
             f"{log.path}: a run without traffic on a field bus; must be a run with a drive: "
-            '[bench.robot] kind = "ball_screw"'
+            '[bench.robot] kind = "ball_screw" or "elastic_joint"'
         )
     messages.sort(key=lambda row: row[0].t_ns)  # stable: of equal instants, the request first
     frames = [_frame(message, is_rx) for message, is_rx in messages]

@@ -45,7 +45,7 @@ class TrapezoidSection(Section, frozen=True, kw_only=True):
         """Title of the move in tables."""
         return f"{self.load_angle_deg:g}° in {self.time_s:g} s"
 
-    def trajectory(self, gear_ratio: float) -> Trajectory:
+    def trajectory(self, gear_ratio: float, table: str = "[[move]]") -> Trajectory:
         """Build the trajectory of the motor angle [rad].
 
         Raises ConfigError for an acceleration that is too low for the time.
@@ -54,7 +54,7 @@ class TrapezoidSection(Section, frozen=True, kw_only=True):
         least = 4.0 * abs(angle_rad) / self.time_s**2
         if self.motor_acceleration_rad_s2 < least * (1.0 - 1e-12):
             raise ConfigError(
-                f"[[move]] motor_acceleration_rad_s2 = {self.motor_acceleration_rad_s2:g} for "
+                f"{table} motor_acceleration_rad_s2 = {self.motor_acceleration_rad_s2:g} for "
                 f"{self.title} with a gear ratio of {gear_ratio:g}; must be >= {least:.6g}: raise "
                 "it, or raise time_s"
             )

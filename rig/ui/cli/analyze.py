@@ -11,11 +11,12 @@ import typer
 from comms.clock import utc_now
 from comms.errors import LogError
 from rig.analysis.analyze import RunAnalysis
+from rig.analysis.conclusion import conclude
 from rig.run import operator_file
 from rig.run import runs as folders
 from rig.ui.cli import completion
 from rig.ui.cli.common_options import AsJson
-from rig.ui.cli.output import print_json, print_summary
+from rig.ui.cli.output import print_conclusion, print_json, print_summary
 from rig.ui.cli.page import print_whole, print_written
 
 
@@ -63,6 +64,7 @@ def analyze(
         print_json(analysis.summary)
     else:
         print_summary(analysis.summary)
+        print_conclusion(conclude(analysis.run, analysis.summary))
         print_whole(str(analysis.run.log.path), "bold")
         print_written(csv_file, report_file)
     return analysis.summary.exit_code

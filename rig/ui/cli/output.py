@@ -28,7 +28,7 @@ from rig.ui.joint_rows import joint_rows
 
 EVENT_INDENT = " " * 12  # of the further lines of an event, below its text
 QUANTITY_COLUMNS = ("", Column("planned", drop=1), "measured ± noise", "true")
-JOINT_COLUMNS = ("", "by the accelerometer", "true")
+JOINT_COLUMNS = ("", "by accelerometer and drive", "true")
 LEDGER_COLUMNS = (
     "link",
     "sent",

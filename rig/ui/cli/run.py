@@ -139,6 +139,11 @@ def _experiments(name: str, changes: list[str], planner: str | None) -> list[con
         ]
     else:
         chosen = [config.read_experiment(name, changes)]
+    if planner and chosen[0].joint is not None:
+        raise ConfigError(
+            f"--planner {planner} with an experiment of the kind joint, which moves by a trapezoid "
+            "of its own; must be without: omit it"
+        )
     if planner and chosen[0].move.waypoints:
         raise ConfigError(
             f"--planner {planner} with [move] waypoints; "

@@ -83,9 +83,12 @@ def test_a_free_decay_names_its_frequency_and_the_error_of_the_length(analysed):
     )
 
 
-def test_a_run_without_a_camera_says_that_the_swing_was_not_measured(analysed):
+def test_a_run_without_a_camera_says_so_and_tells_the_truth(analysed):
     found = concluded(analysed("move", "camera.rate_hz=0"))
-    assert found.sentence == "The run had no camera; the swing was not measured."
+    assert found.sentence == (
+        "The run had no camera; the swing was not measured. In truth the load keeps 2.66 mrad, "
+        "0.37 mrad planned."
+    )
 
 
 def test_a_bad_run_is_concluded_by_its_reason():

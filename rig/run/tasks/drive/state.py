@@ -10,6 +10,15 @@ SHUTDOWN, SWITCH_ON, ENABLE_OPERATION, QUICK_STOP = 0x06, 0x07, 0x0F, 0x02
 WARNING_BITS = 0x4F  # states without the quick stop bit
 
 
+# error codes of CiA 402 that a drive of a rig reports
+ERROR_NAMES = {
+    0x2310: " (continuous over-current)",
+    0x8130: " (heartbeat of the master lost)",
+    0x8611: " (following error)",
+    0x8612: " (limit of position or end switch)",
+}
+
+
 class NodeState(enum.Enum):
     """State in the status word."""
 

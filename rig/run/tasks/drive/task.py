@@ -21,7 +21,7 @@ from rig.run.tasks.drive import start_up
 from rig.run.tasks.drive.program import Program
 from rig.run.tasks.drive.sdo_client import SdoClient
 from rig.run.tasks.drive.settings import DriveSettings
-from rig.run.tasks.drive.state import QUICK_STOP, NodeState, state_of, towards
+from rig.run.tasks.drive.state import ERROR_NAMES, QUICK_STOP, NodeState, state_of, towards
 
 NMT, SYNC, EMERGENCY, HEARTBEAT = 0x000, 0x080, 0x080, 0x700
 NMT_START, NMT_RESET_NODE = 0x01, 0x81
@@ -224,6 +224,7 @@ class DriveTask:
         if code == 0 or self._phase is Phase.FAULT:  # error reset
             return []
         text = f"emergency of node {self._s.node_id}: error 0x{code:04X}, register 0x{data[2]:02X}"
+        text += ERROR_NAMES.get(code, "")
         return self._fail(text, t_ns)
 
     def _take_setpoint(self, setpoint: Setpoint, t_ns: int) -> list[Send]:
