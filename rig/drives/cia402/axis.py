@@ -94,6 +94,17 @@ class DriveAxis:
         self.position = self.actual_position
         self.velocity = self.actual_velocity if is_moving else 0.0
 
+    def begin_to_brake(self) -> None:
+        """Set the demand to the measured position and the slower of measured and demanded velocity.
+
+        A blocked axis is slower than its demand; an encoder that jumps shows any velocity. If the
+        two are opposite, the demand is at rest.
+        """
+        demanded, measured = self.velocity, self.actual_velocity
+        self.follow_actual()
+        if demanded * measured > 0.0:
+            self.velocity = min(demanded, measured, key=abs)
+
     def set_home(self, encoder_position: float) -> None:
         """Take a position of the encoder [increments] as home.
 

@@ -174,7 +174,7 @@ class Cia402Drive:
             return
         option = self._dictionary.get(FAULT_OPTION)
         if self._mode.controls_position and self._supervisor.check_following():
-            self.axis.follow_actual(is_moving=True)  # brake from where the axis is
+            self.axis.begin_to_brake()
             self._raise_fault(ErrorCode.FOLLOWING_ERROR, option)
         elif self._is_at_limit():
             self._raise_fault(ErrorCode.REFERENCE_LIMIT, option)

@@ -255,6 +255,25 @@ def test_the_reaction_to_a_following_error_starts_where_the_axis_is():
     assert demands[-1].position == 0.0
 
 
+@pytest.mark.parametrize("jump", [1000.0, -1000.0])
+def test_the_reaction_to_an_encoder_that_jumps_does_not_follow_its_velocity(jump):
+    """1000 increments within a sample are a velocity of a million per second."""
+    bench = cyclic(8)
+    bench.write(0x6065, 100)
+    bench.write(0x6066, 0)
+    for target in range(1, 21):
+        bench.write(0x607A, target)
+        bench.run(1)
+    bench.position += jump
+    bench.velocity = jump / 1e-3
+    before = bench.position
+    demands = bench.run(50)
+    assert bench.emergencies() == [(0x8611, 0x21)]
+    assert abs(demands[0].velocity) <= 1000.0
+    assert abs(demands[-1].position - before) <= 1000.0**2 / (2 * 10_000)
+    assert demands[-1].velocity == 0.0
+
+
 @pytest.mark.parametrize("mode", [1, 8, 9, 10])
 @pytest.mark.parametrize("direction", [-1, 1])
 def test_motion_into_an_end_switch_is_a_fault(mode, direction):
