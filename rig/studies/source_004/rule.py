@@ -1,7 +1,9 @@
 """Rule of agreement between a published finding and our figures; pure.
 
 A value has up to two bases: true and measured for swing, planned and reached for motion. Each pair
-of runs is checked on each basis that both have; a run without a camera has no measured swing:
+of runs is checked on each basis on which both have a value: a run without a camera has no measured
+swing, nor has one whose swing is below what its camera can tell. Without a value on any basis, the
+check fails:
 
     lower       b - a > max(3 sigma, 1 % of the larger one)
     higher      the same with a and b exchanged
@@ -96,16 +98,16 @@ def judge(finding: SourceFinding, figures: Mapping[str, RunFigures]) -> FindingR
 
 
 def _bases(quantity: str, run: RunFigures, partner: RunFigures | None) -> list[str]:
-    """List the bases on which both runs have the quantity."""
-    bases = list(run.values.get(quantity, {}))
-    if partner is not None:
-        bases = [basis for basis in bases if basis in partner.values.get(quantity, {})]
+    """List the bases on which both runs have a value, or else all that both have."""
+    values = [one.values.get(quantity, {}) for one in (run, partner) if one is not None]
+    bases = [basis for basis in values[0] if all(basis in other for other in values)]
     if not bases:
         raise ValueError(
             f"{quantity} of {run.experiment}: no value; must have one on a basis at least, common "
             "to both runs of a comparison: compare another quantity"
         )
-    return bases
+    known = [b for b in bases if all(_seen(one[b]).value is not None for one in values)]
+    return known or bases
 
 
 def is_holding(

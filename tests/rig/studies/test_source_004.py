@@ -143,6 +143,15 @@ def test_a_run_without_a_camera_is_compared_by_the_truth_alone() -> None:
         assert [check.basis for check in checks] == ["true"]
 
 
+def test_a_swing_below_what_the_camera_can_tell_is_compared_by_the_truth_alone() -> None:
+    seen, faint = figures("a", 1.0), figures("b", 1.1)
+    faint.values["residual_swing"]["measured"] = BasisValue(value=None)
+    result = judge(finding("similar"), {"a": seen, "b": faint})
+    assert [(check.basis, check.holds) for check in result.checks] == [("true", True)]
+    faint.values["residual_swing"]["true"] = BasisValue(value=None)
+    assert judge(finding("similar"), {"a": seen, "b": faint}).agreement == "no"
+
+
 def test_a_quantity_without_any_value_is_no_agreement_but_an_error() -> None:
     unseen = figures("a", 1.0)
     unseen.values["residual_swing"].clear()
