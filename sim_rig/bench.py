@@ -43,8 +43,8 @@ class SimulatedPlant(Protocol):
         """Angular velocity of the load."""
 
     @property
-    def cable_modes_m(self) -> tuple[float, ...]:
-        """Amplitudes of the vibration of the cable itself in the plane x."""
+    def cable_points_m(self) -> list[Vector]:
+        """Points of a cable that vibrates, from the platform down; [] of a straight one."""
 
     @property
     def links(self) -> list[LinkState]:
@@ -124,9 +124,9 @@ class Bench:
         return self._load.angular_velocity_rad_s
 
     @property
-    def cable_modes_m(self) -> tuple[float, ...]:
-        """Amplitudes of the vibration of the cable itself in the plane x."""
-        return self._load.cable_modes_m
+    def cable_points_m(self) -> list[Vector]:
+        """Points of a cable that vibrates, from the platform down; [] of a straight one."""
+        return self._load.points_m
 
     @property
     def links(self) -> list[LinkState]:

@@ -10,6 +10,7 @@ from sim_rig.drive_logic import SAMPLE_NS, DriveLogic, DriveReading, PoweredLogi
 from sim_rig.elastic_joint import ElasticJoint
 from sim_rig.joint_params import Joint
 from sim_rig.link_angles import LinkState
+from sim_rig.vectors import Vector
 
 
 class JointBench:
@@ -20,7 +21,6 @@ class JointBench:
 
     position_m: Position = (0.0, 0.0, 0.0)
     velocity_m_s: Velocity = (0.0, 0.0, 0.0)
-    cable_modes_m: tuple[float, ...] = ()
 
     def __init__(
         self,
@@ -51,6 +51,11 @@ class JointBench:
     def angular_velocity_rad_s(self) -> float:
         """Speed of the load."""
         return self._joint.truth().load_speed_rad_s
+
+    @property
+    def cable_points_m(self) -> list[Vector]:
+        """Nothing hangs on the joint."""
+        return []
 
     @property
     def links(self) -> list[LinkState]:

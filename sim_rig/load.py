@@ -48,11 +48,11 @@ class Load:
         return [LinkState(plane.angle_rad, 0.0, plane.angular_velocity_rad_s, 0.0)]
 
     @property
-    def cable_modes_m(self) -> tuple[float, ...]:
-        """Amplitudes of the vibration of the cable itself in the plane x; () without one."""
-        if self._plane is not None or isinstance(self._space, SpatialChain):
-            return ()
-        return self._space.cable_modes_m
+    def points_m(self) -> list[Vector]:
+        """Points of a cable that vibrates, relative to the platform; [] of a straight one."""
+        if self._plane is None and isinstance(self._space, VibratingPendulum):
+            return self._space.points_m
+        return []
 
     @property
     def angle_rad(self) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_rig import profile
-from sim_rig.camera import CableLine
+from sim_rig.camera import CableCurve, CableLine
 from sim_rig.params import CameraParams, View
 
 BACKGROUNDS = 8  # noisy screens, drawn once and used in turn
@@ -18,6 +18,7 @@ STRIP_STEP_PX = 8  # widths of strips are multiples of this
 # neighbouring rows cancel in a line fit
 DITHER_STEP = 0.6180339887498949
 PHASES = float(profile.PHASES)
+Cable = CableLine | CableCurve
 
 
 class Renderer:
@@ -34,7 +35,7 @@ class Renderer:
         self._dither = self._rows * DITHER_STEP % 1.0
 
     def picture(
-        self, index: int, start: CableLine | None, middle: CableLine | None, end: CableLine | None
+        self, index: int, start: Cable | None, middle: Cable | None, end: Cable | None
     ) -> NDArray[np.uint8]:
         """Render a new image (height, width) uint8 on screen `index` modulo 8.
 
@@ -46,28 +47,43 @@ class Renderer:
         picture: NDArray[np.uint8] = self._screens[screen].copy()
         if start is None or middle is None or end is None:
             return picture
-        first_row = max(math.ceil(middle.pivot_row_px), 0)
-        if first_row < len(picture):
-            sweep = self._sweep(start, middle, end, first_row)
-            cos_tilt = 1.0 / math.hypot(1.0, middle.slope)
-            self._paint(picture[first_row:], self._exact[screen, first_row:], sweep, cos_tilt)
+        cos_tilt = 1.0 / math.hypot(1.0, middle.slope)
+        if isinstance(middle, CableCurve):
+            first_row, last_row = middle.first_row, middle.last_row
+        else:
+            first_row, last_row = max(math.ceil(middle.pivot_row_px), 0), len(picture)
+        if first_row >= last_row:
+            return picture
+        rows = slice(first_row, last_row)
+        sweep = self._sweep(start, middle, end, rows)
+        self._paint(picture[rows], self._exact[screen, rows], sweep, cos_tilt)
         return picture
 
-    def _sweep(
-        self, start: CableLine, middle: CableLine, end: CableLine, first_row: int
-    ) -> NDArray[np.int64]:
+    def _sweep(self, start: Cable, middle: Cable, end: Cable, rows: slice) -> NDArray[np.int64]:
         """Compute the range of the cable axis on each row: (2, R) [column phases], ascending."""
-        rows = self._rows[first_row:].astype(np.float64)  # (R,)
-        mean_px = (start.column_px + 4.0 * middle.column_px + end.column_px) / 6.0
-        mean_slope = (start.slope + 4.0 * middle.slope + end.slope) / 6.0
-        range_px = end.column_px - start.column_px + (end.slope - start.slope) * rows
-        sweep = np.empty((2, len(rows)), np.int64)
+        mean_px, range_px = self._axis_px(start, middle, end, rows)
+        sweep = np.empty((2, len(range_px)), np.int64)
         span = np.floor(np.maximum(np.abs(range_px) * PHASES, 1.0) + 0.5)
-        sweep[0] = np.floor(
-            (mean_px + mean_slope * rows) * PHASES - 0.5 * span + self._dither[first_row:]
-        )
+        sweep[0] = np.floor(mean_px * PHASES - 0.5 * span + self._dither[rows])
         sweep[1] = sweep[0] + span
         return sweep
+
+    def _axis_px(
+        self, start: Cable, middle: Cable, end: Cable, rows: slice
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Compute mean and range of the column of the cable on each row [px], each (R,)."""
+        numbers = self._rows[rows].astype(np.float64)
+        if (
+            isinstance(start, CableLine)
+            and isinstance(middle, CableLine)
+            and isinstance(end, CableLine)
+        ):
+            mean_px = (start.column_px + 4.0 * middle.column_px + end.column_px) / 6.0
+            mean_slope = (start.slope + 4.0 * middle.slope + end.slope) / 6.0
+            range_px = end.column_px - start.column_px + (end.slope - start.slope) * numbers
+            return mean_px + mean_slope * numbers, range_px
+        first, half, last = (_columns_px(cable, numbers, rows) for cable in (start, middle, end))
+        return (first + 4.0 * half + last) / 6.0, last - first
 
     def _paint(
         self,
@@ -94,6 +110,13 @@ class Renderer:
         strip -= (integral[0] - integral[1]) * (PHASES / span).astype(np.float32)[:, None]
         np.maximum(strip, 0.0, out=strip)
         _strips(picture, width)[place] = strip.astype(np.uint8).view((np.void, width))[:, 0]
+
+
+def _columns_px(cable: Cable, numbers: NDArray[np.float64], rows: slice) -> NDArray[np.float64]:
+    """Compute the column of a cable on the rows [px]: (R,)."""
+    if isinstance(cable, CableCurve):
+        return cable.columns_px[rows]
+    return cable.column_px + cable.slope * numbers
 
 
 def _clip(k: NDArray[np.int64], last: int) -> NDArray[np.int64]:

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_rig.bench import SimulatedPlant
-from sim_rig.camera import CableLine, Pinhole
+from sim_rig.camera import Pinhole
 from sim_rig.params import BenchParams
-from sim_rig.renderer import Renderer
+from sim_rig.renderer import Cable, Renderer
 
 
 class Exposure(NamedTuple):
@@ -38,11 +38,9 @@ class Shutter:
         self._period_ns = round(1e9 / params.view.rate_hz)
         self._pinhole = Pinhole(params.camera, params.view, params.home_m)
         self._renderer = Renderer(params.camera, params.view, params.seed)
-        first = params.links[0] if params.links else params.pendulum
-        self._cable_m = first.length_m
         self._taken = 0
         # (line, angle) at the start, the middle and the end of the exposure
-        self._samples: list[tuple[CableLine | None, float]] = []
+        self._samples: list[tuple[Cable | None, float]] = []
         self.begin(t_ns)
 
     def begin(self, t_ns: int) -> None:
@@ -59,12 +57,14 @@ class Shutter:
 
         The end gives the exposure with its image.
         """
-        modes_m = bench.cable_modes_m
-        shown_rad = bench.angle_rad
-        if modes_m:
-            shown_rad += self._pinhole.bend_rad(self._cable_m, modes_m)
-        line = self._pinhole.line(bench.position_m, shown_rad)
-        self._samples.append((line, bench.angle_rad))
+        points_m = bench.cable_points_m
+        cable: Cable | None
+        if points_m:
+            cable = self._pinhole.curve(bench.position_m, points_m)
+        else:
+            first = bench.links[0]
+            cable = self._pinhole.line(bench.position_m, first.angle_x_rad, first.angle_y_rad)
+        self._samples.append((cable, bench.angle_rad))
         if len(self._samples) == 1:
             self.next_ns = self._start_ns + self.exposure_ns // 2
             return None

@@ -46,11 +46,6 @@ class SpatialPendulum:
         """Unit vector of the link."""
         return [self._u]
 
-    @property
-    def cable_modes_m(self) -> tuple[float, ...]:
-        """Amplitudes of the vibration of the cable itself; none here."""
-        return ()
-
     def set_state(self, u: Vector, w: Vector) -> None:
         """Set the unit vector of the link and its derivative [1/s]."""
         self._u, self._w = u, w

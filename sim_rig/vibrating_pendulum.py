@@ -17,9 +17,10 @@ import math
 from sim_rig.load_params import CableParams, LinkParams, LoadParams
 from sim_rig.pivot import AT_REST, PivotStep
 from sim_rig.spatial_pendulum import SpatialPendulum
-from sim_rig.vectors import Vector, dot
+from sim_rig.vectors import Vector, dot, plus, scaled
 
 MIN_TENSION_SHARE = 0.01  # of the weight: near a slack cable the modes are not followed further
+POINTS = 41  # of the cable in a picture
 MODE_STATE = list[tuple[float, float]]  # displacement [m] and speed [m/s] of each mode
 
 
@@ -43,6 +44,22 @@ class VibratingPendulum(SpatialPendulum):
     def cable_modes_m(self) -> tuple[float, ...]:
         """Amplitudes of the modes across the cable in the plane x, positive ahead."""
         return tuple(q for q, _ in self._modes_x)
+
+    @property
+    def points_m(self) -> list[Vector]:
+        """Points of the cable relative to the pivot, from it down."""
+        sides = [_across(self._u, plane) for plane in (0, 1)]
+        points = []
+        for j in range(POINTS):
+            share = j / (POINTS - 1)
+            point = scaled(self._u, share * self._length_m)
+            for across, states in zip(sides, (self._modes_x, self._modes_y), strict=True):
+                bend_m = sum(
+                    q * math.sin(k * math.pi * share) for k, (q, _) in enumerate(states, start=1)
+                )
+                point = plus(point, scaled(across, bend_m))
+            points.append(point)
+        return points
 
     def advance_at_rest(self, step_s: float, steps: int) -> None:
         """Integrate steps of step_s with the pivot at rest. Raises LoadEvent."""

@@ -69,6 +69,71 @@ def test_the_line_of_the_cable_agrees_with_projective_geometry(
     )
 
 
+@pytest.mark.parametrize("pitch_deg", [0.0, 12.0])
+@pytest.mark.parametrize("y_rad", [-0.3, 0.02])
+def test_a_cable_that_swings_across_the_picture_is_seen_in_perspective(
+    pitch_deg: float, y_rad: float
+) -> None:
+    camera = CameraParams(pitch_deg=pitch_deg, distance_m=1.4, pixels_per_m=700.0)
+    position_m = (0.1, 0.05, -0.02)
+    line = Pinhole(camera, VIEW, (0.0, 0.0, 0.0)).line(position_m, 0.1, y_rad)
+    assert line is not None
+    for down_m in (0.0, 0.2, 0.6):
+        end = (down_m * math.tan(0.1), down_m * math.tan(y_rad), -down_m)
+        x, y, z = np.add(position_m, end)
+        column, row = projected(camera, (x, y, z), 0.0, 0.0)
+        assert line.column_px + line.slope * row == pytest.approx(column, abs=1e-8)
+
+
+@pytest.mark.parametrize("pitch_deg", [0.0, 12.0])
+def test_a_curve_passes_through_the_projected_points_and_ends_at_the_last(pitch_deg: float) -> None:
+    camera = CameraParams(pitch_deg=pitch_deg, pivot_above_axis_m=0.3)
+    pinhole = Pinhole(camera, VIEW, (0.0, 0.0, 0.0))
+    position_m = (0.05, 0.02, -0.04)
+    points_m = [(0.0, 0.0, 0.0), (0.02, 0.03, -0.2), (-0.01, 0.0, -0.3)]
+    curve = pinhole.curve(position_m, points_m)
+    assert curve is not None
+    pixels = np.array(
+        [projected(camera, tuple(np.add(position_m, point)), 0.0, 0.0) for point in points_m]
+    )
+    rows = np.arange(VIEW.height)
+    expected = np.interp(rows, pixels[:, 1], pixels[:, 0])
+    assert curve.columns_px == pytest.approx(expected, abs=1e-9)
+    shown = np.flatnonzero((rows >= pixels[0, 1]) & (rows <= pixels[-1, 1]))
+    assert (curve.first_row, curve.last_row) == (shown[0], shown[-1] + 1)
+
+
+def test_a_straight_curve_gives_the_picture_of_the_line() -> None:
+    pinhole = Pinhole(CLEAN, VIEW, (0.0, 0.0, 0.0))
+    renderer = Renderer(CLEAN, VIEW, seed=1)
+    lines, curves = [], []
+    for x_m in (0.100, 0.101, 0.102):
+        lines.append(pinhole.line((x_m, 0.0, 0.0), 0.1))
+        down = [(s * math.sin(0.1), 0.0, -s * math.cos(0.1)) for s in (0.0, 0.3, 1.0)]
+        curves.append(pinhole.curve((x_m, 0.0, 0.0), down))
+    of_line = renderer.picture(0, *lines).astype(int)
+    of_curve = renderer.picture(0, *curves).astype(int)
+    assert of_line.min() < 0.7 * of_line.max()
+    assert np.abs(of_line - of_curve).max() <= 1
+
+
+def test_the_picture_is_empty_below_the_end_of_a_curve() -> None:
+    pinhole = Pinhole(CLEAN, VIEW, (0.0, 0.0, 0.0))
+    curve = pinhole.curve((0.0, 0.0, 0.0), [(0.0, 0.0, 0.0), (0.01, 0.0, -0.1), (0.0, 0.0, -0.2)])
+    assert curve is not None
+    assert 0 < curve.last_row < VIEW.height
+    darkest = Renderer(CLEAN, VIEW, seed=1).picture(0, curve, curve, curve).min(axis=1)
+    shown = np.flatnonzero(darkest < darkest.max())
+    assert (shown[0], shown[-1] + 1) == (curve.first_row, curve.last_row)
+
+
+def test_a_cable_that_rises_or_reaches_the_camera_has_no_curve() -> None:
+    pinhole = Pinhole(CLEAN, VIEW, (0.0, 0.0, 0.0))
+    top = (0.0, 0.0, 0.0)
+    assert pinhole.curve(top, [top, (0.0, 0.0, -0.2), (0.1, 0.0, -0.1)]) is None
+    assert pinhole.curve(top, [top, (0.0, -CLEAN.distance_m, -0.2)]) is None
+
+
 def test_a_level_camera_sees_the_pivot_at_home_40_px_above_the_middle_of_the_top_row() -> None:
     line = Pinhole(CameraParams(pitch_deg=0.0), VIEW, (0.3, 0.0, 0.1)).line((0.3, 0.0, 0.1), 0.0)
     assert line == pytest.approx((320.0, 0.0, -40.0), abs=1e-9)

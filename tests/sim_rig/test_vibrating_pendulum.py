@@ -9,7 +9,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from sim_rig import params
-from sim_rig.camera import Pinhole
 from sim_rig.load import Load
 from sim_rig.load_params import CableParams, LengthChange, LinkParams, LoadParams
 from sim_rig.spatial_pendulum import SpatialPendulum
@@ -81,15 +80,25 @@ def test_a_mode_rings_at_the_frequency_of_the_string() -> None:
     assert frequency_hz == pytest.approx(expected_hz, rel=0.01)
 
 
-def test_the_camera_sees_the_first_mode_as_a_small_turn() -> None:
-    """On the whole of a short cable, the line through the pivot has a closed form."""
-    pinhole = Pinhole(
-        params.CameraParams(pivot_above_axis_m=0.2, pitch_deg=0.0), params.View(), (0.0, 0.0, 0.0)
-    )
-    amplitude_m, cable_m = 1e-3, 0.3
-    expected = 3.0 * amplitude_m / (math.pi * cable_m)  # 3 / L^3 int s q sin(pi s / L) ds
-    assert pinhole.bend_rad(cable_m, (amplitude_m,)) == pytest.approx(expected, rel=0.02)
-    assert pinhole.bend_rad(cable_m, ()) == 0.0
+def test_the_points_of_the_cable_are_its_modes_across_the_straight_line() -> None:
+    cable = VibratingPendulum(LINK, FREE, NYLON)
+    vx = [3.0 * STEP_S / 2.0 * k for k in range(21)]
+    cable.advance(STEP_S, vx, [0.0] * 21, [0.0] * 21)
+    points = np.array(cable.points_m)
+    ends = points[[0, -1]]
+    share = np.linspace(0.0, 1.0, len(points))
+    bend_m = points - (ends[0] + share[:, None] * (ends[1] - ends[0]))
+    shapes = np.sin(np.outer(share, np.arange(1, 4)) * np.pi)
+    assert np.linalg.norm(ends[1]) == pytest.approx(1.0, abs=1e-12)
+    assert np.max(np.abs(bend_m[:, 0])) > 1e-5
+    lean = -links_x_rad(cable)
+    across = bend_m @ np.array([math.cos(lean), 0.0, -math.sin(lean)])
+    assert across == pytest.approx(shapes @ cable.cable_modes_m, abs=1e-12)
+
+
+def links_x_rad(cable: VibratingPendulum) -> float:
+    """Angle of the link in the plane x, positive towards +X."""
+    return cable.links[0].angle_x_rad
 
 
 def test_a_vibration_of_another_load_is_refused() -> None:
