@@ -186,7 +186,8 @@ def _explain(message: str, data: Any, kind: type, section: str) -> str:
         return f"[{'.'.join(keys)}] {what}".removeprefix("[] ")
     if "enum" in what:
         allowed = get_args(_type_at(kind, inner))
-        what = f"must be one of {', '.join(map(repr, allowed))}{nearest(str(value), allowed)}"
+        names = [one for one in allowed if isinstance(one, str)]  # others are numbers
+        what = f"must be one of {', '.join(map(repr, allowed))}{nearest(str(value), names)}"
     where = f"[{'.'.join(keys[:-1])}] {keys[-1]}" if keys else "the file"
     problem = f"{what[0].lower()}{what[1:]}{_unit_hint(keys, value)}"
     return f"{where} = {value!r}: {problem}; correct the value".removeprefix("[] ")

@@ -128,6 +128,10 @@ MISTAKES = {
         SMALLEST + "[plan]\nlaw = 3",
         "[plan] law = 3: expected `str`, got `int`; correct the value",
     ),
+    "a number that is none of the allowed": (
+        SMALLEST + "[drive]\nsync_ms = 0",
+        "[drive] sync_ms = 0: must be one of 1, 5; correct the value",
+    ),
     "a word that is none of the allowed": (
         '[experiment]\nname = "mine"\nkind = "mov"',
         "[experiment] kind = 'mov': must be one of 'move', 'free_decay', 'joint', did you mean "
