@@ -163,7 +163,8 @@ def resolve(piece: Piece, order: int) -> Cells:
     scale, done = 0.0, []
     while cells.middles_s.size:
         scale = max(scale, float(np.abs(cells.series).max()))
-        unresolved = np.abs(cells.series[:, -2:]).max(axis=1) > TAIL_REL * scale
+        tail = TAIL_REL * scale + float(np.finfo(np.float64).tiny)  # below it no digit is sure
+        unresolved = np.abs(cells.series[:, -2:]).max(axis=1) > tail
         done.append(Cells(*(field[~unresolved] for field in cells)))
         m, h = cells.middles_s[unresolved], cells.halves_s[unresolved]
         if h.size and h.min() < MIN_CELL_REL * piece.duration_s:
