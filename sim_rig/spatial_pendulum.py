@@ -7,7 +7,7 @@ import math
 from sim_rig.chain_matrices import ChainMatrices
 from sim_rig.link_angles import LinkState, direction, rate, state
 from sim_rig.load_params import LinkParams, LoadParams
-from sim_rig.pivot import PivotStep, pivot_steps
+from sim_rig.pivot import AT_REST, PivotStep, pivot_steps
 from sim_rig.spatial_chain import STEP_OF_ONE_LINK_RAD, LoadEvent, slack_text
 from sim_rig.vectors import Vector
 
@@ -85,43 +85,12 @@ class SpatialPendulum:
         self._end_step(step_s)
 
     def advance_at_rest(self, step_s: float, steps: int) -> None:
-        """Integrate steps of step_s with the pivot at rest. Raises LoadEvent.
-
-        Stages written out, as the pivot is at rest for most of an experiment.
-        """
+        """Integrate steps of step_s with the pivot at rest. Raises LoadEvent."""
         count = max(1, math.ceil(step_s / self._substep_s))
-        h = step_s / count
-        half, sixth = 0.5 * h, h / 6.0
-        p, k = self._per_m * self._gravity_m_s2, self._drag_1_s
-
-        def turn(
-            x: float, y: float, z: float, u: float, v: float, w: float
-        ) -> tuple[float, float, float, float]:
-            along = k * (x * u + y * v + z * w) + p * z
-            factor = (along - u * u - v * v - w * w) / (x * x + y * y + z * z)
-            return factor * x - k * u, factor * y - k * v, factor * z - k * w - p, factor
-
-        (x, y, z), (u, v, w) = self._u, self._w
+        rest = AT_REST.begin_m_s2
         for _ in range(steps):
             for _ in range(count):
-                a1, b1, c1, self._tension_factor = turn(x, y, z, u, v, w)
-                u2, v2, w2 = u + half * a1, v + half * b1, w + half * c1
-                a2, b2, c2, _ = turn(x + half * u, y + half * v, z + half * w, u2, v2, w2)
-                u3, v3, w3 = u + half * a2, v + half * b2, w + half * c2
-                a3, b3, c3, _ = turn(x + half * u2, y + half * v2, z + half * w2, u3, v3, w3)
-                u4, v4, w4 = u + h * a3, v + h * b3, w + h * c3
-                a4, b4, c4, _ = turn(x + h * u3, y + h * v3, z + h * w3, u4, v4, w4)
-                x += sixth * (u + 2.0 * (u2 + u3) + u4)
-                y += sixth * (v + 2.0 * (v2 + v3) + v4)
-                z += sixth * (w + 2.0 * (w2 + w3) + w4)
-                u += sixth * (a1 + 2.0 * (a2 + a3) + a4)
-                v += sixth * (b1 + 2.0 * (b2 + b3) + b4)
-                w += sixth * (c1 + 2.0 * (c2 + c3) + c4)
-                size = 1.0 / math.sqrt(x * x + y * y + z * z)
-                x, y, z = x * size, y * size, z * size
-                along = x * u + y * v + z * w
-                u, v, w = u - along * x, v - along * y, w - along * z
-            self._u, self._w = (x, y, z), (u, v, w)
+                self._runge_kutta(step_s / count, rest, rest, rest)
             self._end_step(step_s)
 
     def _end_step(self, step_s: float) -> None:
