@@ -35,7 +35,52 @@ class Channel(NamedTuple):
     wakes: bool = True
 
 
-# `platform_1`, `frame_1` and `angle_1` are those of the first camera
+MAX_CAMERAS = 3
+
+
+def vision_task(camera: int) -> str:
+    """Name the vision task of a camera, counted from 1."""
+    return "vision" if camera == 1 else f"vision_{camera}"
+
+
+def _camera_channels(first_id: int, camera: int) -> dict[str, Channel]:
+    """List the channels of a camera, counted from 1."""
+    task = vision_task(camera)
+    return {
+        f"platform_{camera}": Channel(
+            first_id,
+            messages.RobotState,
+            "controller",
+            task,
+            Transport.UDP,
+            100,
+            30,
+            "the same message, to locate the pivot in the image",
+            wakes=False,
+        ),
+        f"frame_{camera}": Channel(
+            first_id + 1,
+            messages.Frame,
+            "bench",
+            task,
+            Transport.ZMQ,
+            50,
+            40,
+            "camera image of the cable",
+        ),
+        f"angle_{camera}": Channel(
+            first_id + 2,
+            messages.AngleSample,
+            task,
+            "streamer",
+            Transport.UDP,
+            50,
+            80,
+            "cable angles with their time stamp",
+        ),
+    }
+
+
 CHANNELS: dict[str, Channel] = {
     "command": Channel(
         1,
@@ -99,30 +144,7 @@ CHANNELS: dict[str, Channel] = {
         "commanded and actual position, phase",
         wakes=False,
     ),
-    "platform_1": Channel(
-        7,
-        messages.RobotState,
-        "controller",
-        "vision",
-        Transport.UDP,
-        100,
-        30,
-        "the same message, to locate the pivot in the image",
-        wakes=False,
-    ),
-    "frame_1": Channel(
-        8, messages.Frame, "bench", "vision", Transport.ZMQ, 50, 40, "camera image of the cable"
-    ),
-    "angle_1": Channel(
-        9,
-        messages.AngleSample,
-        "vision",
-        "streamer",
-        Transport.UDP,
-        50,
-        80,
-        "cable angles with their time stamp",
-    ),
+    **_camera_channels(7, camera=1),
     "truth": Channel(
         10,
         messages.Truth,
@@ -153,6 +175,8 @@ CHANNELS: dict[str, Channel] = {
         10,
         "frames of the nodes to the master",
     ),
+    **_camera_channels(13, camera=2),
+    **_camera_channels(16, camera=3),
 }
 
 # a run with a drive on the field bus has this task between controller and bench
@@ -162,7 +186,8 @@ BEHIND_DRIVE = {"setpoint": ("controller", DRIVE), "joint_state": (DRIVE, "contr
 RENAMED_CHANNELS = {"platform": "platform_1", "frame": "frame_1", "angle": "angle_1"}
 OPERATOR = "operator"
 TASKS = ("streamer", "controller", "vision", "bench")
-TASKS_WITH_DRIVE = (*TASKS, DRIVE)
+VISION_TASKS = tuple(vision_task(camera) for camera in range(1, MAX_CAMERAS + 1))
+ALL_TASKS = (*TASKS, *VISION_TASKS[1:], DRIVE)
 
 
 def ends(channel: str, tasks: Collection[str]) -> tuple[str, str]:
@@ -183,7 +208,7 @@ def data_channels(tasks: Collection[str]) -> tuple[str, ...]:
     return tuple(found)
 
 
-DATA = data_channels(TASKS_WITH_DRIVE)  # of every run
+DATA = data_channels(ALL_TASKS)  # of any run
 
 
 def sent_by(task: str, tasks: Collection[str]) -> tuple[str, ...]:

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from comms.messages import Position
-from sim_rig import params
+from sim_rig.camera_params import CameraParams
+from sim_rig.params import View
 from sim_rig.vectors import Vector
 
 MIN_DEPTH_M = 0.01  # distance from the plane of the camera; nothing closer is imaged
@@ -43,7 +44,7 @@ class CableCurve(NamedTuple):
 class Pinhole:
     """Camera at distance_m before the home position, looking along +y, pitched about its x axis."""
 
-    def __init__(self, camera: params.CameraParams, view: params.View, home_m: Position) -> None:
+    def __init__(self, camera: CameraParams, view: View, home_m: Position) -> None:
         self._home_m = home_m
         self._distance_m = camera.distance_m
         self._above_m = camera.pivot_above_axis_m

@@ -11,8 +11,10 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
+from comms.channels import MAX_CAMERAS
 from comms.messages import Position
 from sim_rig.ball_screw_params import BallScrewParams
+from sim_rig.camera_params import CameraParams
 from sim_rig.drive_faults import DriveFault
 from sim_rig.input_check import InputBounds
 from sim_rig.joint_params import Joint
@@ -42,26 +44,6 @@ class RobotParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     start_m: Annotated[float, Meta(ge=-10.0, le=10.0)] = 0.0  # start position along X, from home
 
 
-class CameraParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Pose and imaging of the camera, for a dark cable on a bright screen (`[bench.camera]`)."""
-
-    pitch_deg: Annotated[float, Meta(ge=-45.0, le=45.0)] = 1.0  # positive looks down
-    noise: Annotated[float, Meta(ge=0.0, le=64.0)] = 2.5  # standard deviation, grey levels
-    psf_px: Annotated[float, Meta(ge=0.2, le=20.0)] = 0.8  # standard deviation of the lens blur
-    exposure_ms: Annotated[float, Meta(ge=0.0, le=1000.0)] = 10.0
-    # in the plane of the home position
-    pixels_per_m: Annotated[float, Meta(ge=10.0, le=20000.0)] = 1000.0
-    cable_width_px: Annotated[float, Meta(ge=0.1, le=100.0)] = 2.5
-    # from the centre of the camera to the plane of the home position
-    distance_m: Annotated[float, Meta(ge=0.1, le=50.0)] = 1.0
-    # height of the pivot over the unpitched optical axis
-    pivot_above_axis_m: Annotated[float, Meta(ge=-10.0, le=10.0)] = 0.28
-    background: Annotated[float, Meta(ge=0.0, le=255.0)] = 200.0
-    # background minus grey level of a wide cable
-    contrast: Annotated[float, Meta(ge=0.0, le=255.0)] = 165.0
-    name: Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,16}\Z")] = "red_plane"
-
-
 class View(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Image size and frame rate, common to bench and tracker (`[camera]`)."""
 
@@ -81,7 +63,9 @@ class BenchParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     cable: CableParams | None = None  # vibration of the cable itself
     length_changes: tuple[LengthChange, ...] = ()
     robot: RobotParams = RobotParams()
-    camera: CameraParams = CameraParams()
+    cameras: Annotated[tuple[CameraParams, ...], Meta(min_length=1, max_length=MAX_CAMERAS)] = (
+        CameraParams(),
+    )
     view: View = View()
     axis: BallScrewParams | None = None  # along X, in place of the robot
     quattro: QuattroParams | None = None  # in place of the robot
@@ -96,10 +80,26 @@ class BenchParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
         """Position of the platform at the start of the simulation."""
         return (self.home_m[0] + self.robot.start_m, self.home_m[1], self.home_m[2])
 
+    def rate_hz(self, camera: CameraParams) -> float:
+        """Frame rate of a camera; 0 where there is none."""
+        return camera.rate_hz or self.view.rate_hz if self.view.rate_hz else 0.0
+
     def __post_init__(self) -> None:
-        if self.view.rate_hz * self.camera.exposure_ms > 1000.0:
+        for number, camera in enumerate(self.cameras, start=1):
+            self._check_times(camera, self.rate_hz(camera), number)
+
+    def _check_times(self, camera: CameraParams, rate_hz: float, number: int) -> None:
+        name = "[bench.camera]" if len(self.cameras) == 1 else f"[[bench.cameras]] number {number}"
+        if rate_hz * camera.exposure_ms > 1000.0:
             raise ValueError(
-                f"exposure_ms = {self.camera.exposure_ms} in [bench.camera]; must be <= "
-                f"{1000.0 / self.view.rate_hz:g} ms, the frame period: "
+                f"exposure_ms = {camera.exposure_ms} in {name}; must be <= "
+                f"{1000.0 / rate_hz:g} ms, the frame period: "
                 "shorten it or lower rate_hz in [camera]"
+            )
+        readout_us = self.view.height * camera.row_us
+        if rate_hz * readout_us > 1e6:
+            raise ValueError(
+                f"row_us = {camera.row_us} in {name}: {self.view.height} rows take "
+                f"{readout_us / 1000.0:g} ms; must be <= {1000.0 / rate_hz:g} ms, the frame "
+                "period: shorten it or lower rate_hz"
             )

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_rig.params import CameraParams
+from sim_rig.camera_params import CameraParams
 
 PHASE_BITS = 8
 # sub-pixel positions; half a phase is at most 0.2 grey levels on the flank of the default cable
@@ -29,6 +29,19 @@ TILTS = 256  # steps of cos(tilt); half a step is at most 0.2 grey levels
 # samples of P(d) per pixel, before scaling by 1 / cos(tilt): interpolation error 1e-5 px levels
 SAMPLES_PER_PX = 1024
 TAIL_SIGMAS = 4.5  # beyond the edge of the cable; the darkness there is below 1e-3 grey levels
+
+
+class CableShape(NamedTuple):
+    """Cable in the picture: width, lens blur (standard deviation) and contrast."""
+
+    width_px: float
+    psf_px: float
+    contrast: float  # grey levels
+
+    @classmethod
+    def of(cls, camera: CameraParams) -> CableShape:
+        """Take the shape from the parameters of a camera."""
+        return cls(camera.cable_width_px, camera.psf_px, camera.contrast)
 
 
 class StripTable(NamedTuple):
@@ -42,22 +55,22 @@ class StripTable(NamedTuple):
     last: int  # largest k
 
 
-def half_width_px(camera: CameraParams, cos_tilt: float) -> int:
+def half_width_px(cable: CableShape, cos_tilt: float) -> int:
     """Compute half the width of the profile [px], for a cable tilted by acos(cos_tilt).
 
     The darkness is 0 beyond.
     """
-    return math.ceil(_edge_px(camera) / cos_tilt)
+    return math.ceil(_edge_px(cable) / cos_tilt)
 
 
 @functools.lru_cache(maxsize=64)
-def strip_table(camera: CameraParams, cos_tilt: float, width: int) -> StripTable:
+def strip_table(cable: CableShape, cos_tilt: float, width: int) -> StripTable:
     """Compute P for strips of `width` columns at all positions relative to the cable.
 
     From entirely left to entirely right of the cable.
     """
-    zero = width + half_width_px(camera, cos_tilt) + 1
-    d_px, p_px = _integral(camera)
+    zero = width + half_width_px(cable, cos_tilt) + 1
+    d_px, p_px = _integral(cable)
     column = np.arange(2 * zero) - zero - np.arange(PHASES)[:, None] / PHASES  # (PHASES, 2 zero)
     table = (np.interp(cos_tilt * column, d_px, p_px) / cos_tilt).astype(np.float32)
     last = 2 * zero - width
@@ -68,12 +81,12 @@ def strip_table(camera: CameraParams, cos_tilt: float, width: int) -> StripTable
 
 
 @functools.lru_cache(maxsize=4)
-def _integral(camera: CameraParams) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _integral(cable: CableShape) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Compute distances d [px] and P(d) [grey levels px]; P is constant outside their range."""
-    s, half, edge = _sigma_px(camera), 0.5 * camera.cable_width_px, _edge_px(camera)
+    s, half, edge = _sigma_px(cable), 0.5 * cable.width_px, _edge_px(cable)
     d = np.linspace(-edge, edge, 2 * math.ceil(SAMPLES_PER_PX * edge) + 1)
     p = [
-        camera.contrast * s * (_normal_integral((x + half) / s) - _normal_integral((x - half) / s))
+        cable.contrast * s * (_normal_integral((x + half) / s) - _normal_integral((x - half) / s))
         for x in d.tolist()
     ]
     return d, np.array(p)
@@ -85,9 +98,9 @@ def _normal_integral(z: float) -> float:
     return 0.5 * z * math.erfc(-z / math.sqrt(2.0)) + density
 
 
-def _edge_px(camera: CameraParams) -> float:
-    return 0.5 * camera.cable_width_px + TAIL_SIGMAS * _sigma_px(camera)
+def _edge_px(cable: CableShape) -> float:
+    return 0.5 * cable.width_px + TAIL_SIGMAS * _sigma_px(cable)
 
 
-def _sigma_px(camera: CameraParams) -> float:
-    return math.sqrt(camera.psf_px**2 + 1.0 / 12.0)
+def _sigma_px(cable: CableShape) -> float:
+    return math.sqrt(cable.psf_px**2 + 1.0 / 12.0)

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from sim_rig import profile
 from sim_rig.camera import CableCurve, CableLine
-from sim_rig.params import CameraParams, View
+from sim_rig.camera_params import CameraParams
+from sim_rig.params import View
 
 BACKGROUNDS = 8  # noisy screens, drawn once and used in turn
 STRIP_STEP_PX = 8  # widths of strips are multiples of this
@@ -25,7 +26,7 @@ class Renderer:
     """Renderer of images; equal seeds give equal images."""
 
     def __init__(self, camera: CameraParams, view: View, seed: int) -> None:
-        self._camera, self._width = camera, view.width
+        self._cable, self._width = profile.CableShape.of(camera), view.width
         shape = (BACKGROUNDS, view.height, view.width)
         noise = np.random.default_rng(seed).standard_normal(shape, dtype=np.float32)
         exact = np.clip(camera.background + camera.noise * noise, 0.0, 255.0, dtype=np.float32)
@@ -95,10 +96,10 @@ class Renderer:
         """Darken the strip of columns that the cable covers, on each of the R rows."""
         cos_tilt = max(round(cos_tilt * profile.TILTS), 1) / profile.TILTS
         span = sweep[1] - sweep[0]
-        half_width_px = profile.half_width_px(self._camera, cos_tilt)
+        half_width_px = profile.half_width_px(self._cable, cos_tilt)
         covered_px = int(span.max()) / PHASES + 2 * half_width_px + 2
         width = min(self._width, STRIP_STEP_PX * math.ceil(covered_px / STRIP_STEP_PX))
-        table = profile.strip_table(self._camera, cos_tilt, width)
+        table = profile.strip_table(self._cable, cos_tilt, width)
 
         columns = sweep >> profile.PHASE_BITS  # (2, R)
         left = _clip((columns[0] + columns[1] - width) >> 1, self._width - width)  # (R,)

@@ -1,4 +1,4 @@
-"""Shutter of the camera: exposures on a time grid, each with one image."""
+"""Shutter of a camera: exposures on a time grid, each with one image."""
 
 from __future__ import annotations
 
@@ -17,8 +17,12 @@ class Exposure(NamedTuple):
     """Image with the start of its exposure and the true cable angle at mid-exposure."""
 
     start_ns: int
+    exposure_ns: int
+    row_ns: int  # from row to row
+    readout_ns: int  # from the first row to the last
+    camera: str
     middle_rad: float
-    pixels: NDArray[np.uint8]  # (height, width)
+    pixels: NDArray[np.uint8]  # (height, width) or (height, width, 3)
 
 
 class Shutter:
@@ -28,16 +32,20 @@ class Shutter:
     has no frame rate.
     """
 
-    def __init__(self, params: BenchParams, t_ns: int = 0) -> None:
-        if params.view.rate_hz <= 0.0:
+    def __init__(self, params: BenchParams, number: int = 0, t_ns: int = 0) -> None:
+        """number: of the camera, from 0."""
+        camera = params.cameras[number]
+        rate_hz = params.rate_hz(camera)
+        if rate_hz <= 0.0:
             raise ValueError(
-                f"rate_hz = {params.view.rate_hz:g} in [camera]; must be > 0 for pictures: "
+                f"rate_hz = {rate_hz:g} in [camera]; must be > 0 for pictures: "
                 "set a frame rate, 50 as in the source rig"
             )
-        self.exposure_ns = round(params.camera.exposure_ms * 1e6)
-        self._period_ns = round(1e9 / params.view.rate_hz)
-        self._pinhole = Pinhole(params.camera, params.view, params.home_m)
-        self._renderer = Renderer(params.camera, params.view, params.seed)
+        self.exposure_ns = round(camera.exposure_ms * 1e6)
+        self._camera = camera
+        self._period_ns = round(1e9 / rate_hz)
+        self._pinhole = Pinhole(camera, params.view, params.home_m)
+        self._renderer = Renderer(camera, params.view, params.seed)
         self._taken = 0
         # (line, angle) at the start, the middle and the end of the exposure
         self._samples: list[tuple[Cable | None, float]] = []
@@ -73,7 +81,8 @@ class Shutter:
             return None
         (start, _), (middle, angle_rad), (end, _) = self._samples
         picture = self._renderer.picture(self._taken, start, middle, end)
-        exposure = Exposure(self._start_ns, angle_rad, picture)
+        camera = self._camera
+        exposure = Exposure(self._start_ns, self.exposure_ns, 0, 0, camera.name, angle_rad, picture)
         self._samples.clear()
         self._taken += 1
         self._start_ns = self.next_ns = self._start_ns + self._period_ns

@@ -60,6 +60,6 @@ def _dim_planes(params: BenchParams) -> NDArray[np.uint8]:
     # another sequence than that of the red plane
     random = np.random.default_rng([params.seed, 1])
     noise = random.standard_normal(shape, dtype=np.float32)
-    levels = np.clip(DIM_LEVEL + params.camera.noise * noise + 0.5, 0.0, 255.0)
+    levels = np.clip(DIM_LEVEL + params.cameras[0].noise * noise + 0.5, 0.0, 255.0)
     planes: NDArray[np.uint8] = levels.astype(np.uint8)
     return planes

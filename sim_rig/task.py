@@ -82,8 +82,10 @@ class BenchTask:
             make_bench, port = quattro.make_bench, quattro
         self._make_bench: MakeBench = make_bench or (lambda t_ns: Bench(params, t_ns))
         self._bench = self._make_bench(0)
-        # draws its noisy screens once, here
-        self._shutter = Shutter(params) if params.view.rate_hz > 0.0 else None
+        # draw their noisy screens once, here
+        self._shutters: list[Shutter] = []
+        if params.view.rate_hz > 0.0:
+            self._shutters = [Shutter(params, camera) for camera in range(len(params.cameras))]
         self._port: RobotPort = port or SetpointPort(params, self._replies)
         self._truth_ns = 0
         self._truth_period_ns = TRUTH_NS if params.joint is None else JOINT_TRUTH_NS
@@ -99,8 +101,8 @@ class BenchTask:
         """Release the load; a tick at t_ns itself is served at once."""
         self._bench = self._make_bench(t_ns)
         self._bench.await_run()
-        if self._shutter is not None:
-            self._shutter.begin(t_ns)
+        for shutter in self._shutters:
+            shutter.begin(t_ns)
         self._truth_ns = t_ns + -t_ns % self._truth_period_ns
         self._port.begin(t_ns)
         return self.on_tick(t_ns)
@@ -143,11 +145,12 @@ class BenchTask:
 
     def _simulate(self, t_ns: int, sends: list[Send]) -> int:
         """Simulate up to t_ns, append what is sent, and return the next wake."""
-        bench, shutter, port = self._bench, self._shutter, self._port
+        bench, port = self._bench, self._port
         end_ns = min(t_ns, bench.t_ns + MAX_CATCH_UP_NS)
         while True:
-            shutter_ns = shutter.next_ns if shutter else NEVER_NS
-            due_ns = min(self._truth_ns, shutter_ns, port.next_ns())
+            due_ns = min(self._truth_ns, port.next_ns())
+            for shutter in self._shutters:
+                due_ns = min(due_ns, shutter.next_ns)
             if due_ns > end_ns:
                 break
             bench.advance(max(due_ns, bench.t_ns))
@@ -155,12 +158,14 @@ class BenchTask:
             if due_ns == self._truth_ns:
                 self._truth_ns += self._truth_period_ns
                 sends.append(Send("truth", self._truth(due_ns), t_ns))
-            if shutter and due_ns == shutter_ns and (exposure := shutter.sample(bench)):
-                sends.append(Send("frame_1", self._frame(exposure, shutter.exposure_ns), t_ns))
+            for number, shutter in enumerate(self._shutters, start=1):
+                if due_ns == shutter.next_ns and (exposure := shutter.sample(bench)):
+                    channel = f"frame_{number}"
+                    sends.append(Send(channel, self._frame(channel, exposure), t_ns))
             sends += port.apply(due_ns, bench)
         sends += port.flush(t_ns)
         wake_ns = min(self._truth_ns, port.wake_ns())
-        if shutter:
+        for shutter in self._shutters:
             wake_ns = min(wake_ns, shutter.closes_ns)
         return wake_ns
 
@@ -182,19 +187,19 @@ class BenchTask:
             links=links,
         )
 
-    def _frame(self, exposure: Exposure, exposure_ns: int) -> Frame:
-        height, width = exposure.pixels.shape
+    def _frame(self, channel: str, exposure: Exposure) -> Frame:
+        pixels = exposure.pixels
         return Frame(
-            seq=self._seq("frame_1"),
-            t_ns=exposure.start_ns + exposure_ns,
+            seq=self._seq(channel),
+            t_ns=exposure.start_ns + exposure.exposure_ns + exposure.readout_ns,
             t_exposure_start_ns=exposure.start_ns,
-            exposure_ns=exposure_ns,
-            row_ns=0,
-            camera=self._params.camera.name,
-            encoding="mono8",
-            height=height,
-            width=width,
-            pixels=exposure.pixels,
+            exposure_ns=exposure.exposure_ns,
+            row_ns=exposure.row_ns,
+            camera=exposure.camera,
+            encoding="mono8" if pixels.ndim == 2 else "bgr8",
+            height=pixels.shape[0],
+            width=pixels.shape[1],
+            pixels=pixels,
         )
 
     def _seq(self, channel: str) -> int:

@@ -197,6 +197,7 @@ class BenchSection(Section, frozen=True, kw_only=True):
     cable: dict[str, Any] | None = None  # vibration of the cable itself
     robot: dict[str, Any] = {}
     camera: dict[str, Any] = {}
+    cameras: list[dict[str, Any]] = []  # in place of camera, one to three
     drive_faults: list[dict[str, Any]] = []  # of a robot with a drive
 
 

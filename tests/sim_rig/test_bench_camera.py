@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from sim_rig.camera import CableLine, Pinhole
-from sim_rig.params import BenchParams, CameraParams, PendulumParams, View
+from sim_rig.camera_params import CameraParams
+from sim_rig.params import BenchParams, PendulumParams, View
 from sim_rig.renderer import BACKGROUNDS, Renderer
 from sim_rig.synthetic import swinging_video
 
@@ -338,7 +339,8 @@ def test_a_change_of_a_picture_does_not_change_the_next_one() -> None:
 
 def test_video_shows_the_swing_in_the_red_plane_alone_with_its_time() -> None:
     pendulum = PendulumParams(initial_swing_rad=0.01, damping_ratio=0.0)
-    params = BenchParams(pendulum=pendulum, camera=CameraParams(noise=0.0, pitch_deg=0.0), seed=1)
+    camera = CameraParams(noise=0.0, pitch_deg=0.0)
+    params = BenchParams(pendulum=pendulum, cameras=(camera,), seed=1)
     frames = list(swinging_video(params, 0.5))
     assert [frame.number for frame in frames] == list(range(25))
     for frame in frames[::6]:

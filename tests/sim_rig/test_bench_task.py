@@ -25,7 +25,8 @@ from comms.messages import (
 )
 from comms.task import Send, Step, Task
 from sim_rig.bench import Bench
-from sim_rig.params import BenchParams, CameraParams, PendulumParams, View
+from sim_rig.camera_params import CameraParams
+from sim_rig.params import BenchParams, PendulumParams, View
 from sim_rig.task import MAX_CATCH_UP_NS, BenchTask
 
 MS = 1_000_000
@@ -87,7 +88,7 @@ def test_every_channel_keeps_its_own_grid() -> None:
 
 
 def test_a_punctual_wake_serves_everything_at_its_time() -> None:
-    task = BenchTask(BenchParams(view=SMALL, camera=CameraParams(exposure_ms=3.0)))
+    task = BenchTask(BenchParams(view=SMALL, cameras=(CameraParams(exposure_ms=3.0),)))
     step, late = task.start(0), []
     for _ in range(100):
         assert step.wake_ns is not None
@@ -229,7 +230,7 @@ def test_a_load_is_released_at_the_start_and_stamps_stay_on_the_run_clock() -> N
 def test_the_picture_shows_the_platform_and_the_angle_of_mid_exposure() -> None:
     params = BenchParams(
         pendulum=PendulumParams(initial_swing_rad=0.1),
-        camera=CameraParams(noise=0.0, pitch_deg=0.0),
+        cameras=(CameraParams(noise=0.0, pitch_deg=0.0),),
     )
     sends = run(BenchTask(params), range(5 * MS, 300 * MS, 5 * MS), [(50 * MS, 0.1)])
     for frame in messages(sends, "frame_1")[1:]:

@@ -10,6 +10,7 @@ from typing import Any
 
 import msgspec
 
+from comms.channels import MAX_CAMERAS
 from comms.task import Task
 from rig.errors import ConfigError, Refused
 from rig.run.config import BenchSection, Experiment
@@ -19,6 +20,7 @@ from rig.run.tasks.controller.task import COUNTING_POLICY
 from rig.run.toml_file import convert
 from rig.run.units import CABLE, SWING, suspect
 from sim_rig.ball_screw_params import BallScrewParams
+from sim_rig.camera_params import CameraParams
 from sim_rig.can_bench import CanBench
 from sim_rig.drive_faults import DriveFault
 from sim_rig.drive_logic import DriveLogic, DriveReading
@@ -26,7 +28,7 @@ from sim_rig.input_check import InputBounds
 from sim_rig.joint_params import PARAMETER_SETS, Joint
 from sim_rig.load import Load
 from sim_rig.load_params import CableParams, LengthChange, LinkParams, LoadParams, Push
-from sim_rig.params import BenchParams, CameraParams, PendulumParams, RobotParams, View
+from sim_rig.params import BenchParams, PendulumParams, RobotParams, View
 from sim_rig.quattro_params import QuattroParams
 from sim_rig.task import BenchTask
 
@@ -75,7 +77,7 @@ def params(experiment: Experiment) -> BenchParams:
                 for change in bench.length_changes
             ),
             robot=robot,
-            camera=convert(bench.camera, CameraParams, "bench.camera"),
+            cameras=_cameras(bench),
             view=View(width=view.width, height=view.height, rate_hz=rate_hz),
             seed=experiment.experiment.seed,
         )
@@ -132,6 +134,22 @@ def _check_load(bench: BenchSection) -> None:
     for name, value, usual in rows:
         if isinstance(value, int | float):
             suspect(f"{name} =", value, usual)
+
+
+def _cameras(bench: BenchSection) -> tuple[CameraParams, ...]:
+    """Read the cameras: [bench.camera] is the short form of one."""
+    if bench.cameras and bench.camera:
+        raise ConfigError(
+            "[[bench.cameras]] beside [bench.camera]; must be one of the two, as each describes "
+            "all cameras: remove one"
+        )
+    tables = bench.cameras or [bench.camera]
+    if len(tables) > MAX_CAMERAS:
+        raise ConfigError(
+            f"{len(tables)} of [[bench.cameras]]; must be at most {MAX_CAMERAS}: remove some"
+        )
+    name = "bench.cameras" if bench.cameras else "bench.camera"
+    return tuple(convert(table, CameraParams, name) for table in tables)
 
 
 def _drive_faults(experiment: Experiment) -> tuple[DriveFault, ...]:

@@ -16,7 +16,7 @@ TruthRow = tuple[int, float, float, Any]  # frame, t_s, angle_rad, BGR picture
 def pivot_px(experiment: Experiment) -> tuple[float, float]:
     """Compute the position of the pivot in the picture before any motion [px]."""
     plant = params(experiment)
-    camera = Pinhole(plant.camera, plant.view, plant.home_m)
+    camera = Pinhole(plant.cameras[0], plant.view, plant.home_m)
     line = camera.line(plant.start_m, 0.0)
     if line is None:
         raise ConfigError(
