@@ -44,7 +44,7 @@ class SimulatedPlant(Protocol):
 
     @property
     def cable_points_m(self) -> list[Vector]:
-        """Points of a cable that vibrates, from the platform down; [] of a straight one."""
+        """Points of the cable relative to the platform, from it down."""
 
     @property
     def links(self) -> list[LinkState]:
@@ -125,7 +125,7 @@ class Bench:
 
     @property
     def cable_points_m(self) -> list[Vector]:
-        """Points of a cable that vibrates, from the platform down; [] of a straight one."""
+        """Points of the cable relative to the platform, from it down."""
         return self._load.points_m
 
     @property

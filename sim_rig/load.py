@@ -12,7 +12,7 @@ from sim_rig.params import BenchParams, PendulumParams
 from sim_rig.pendulum import Pendulum
 from sim_rig.spatial_chain import LoadEvent, SpatialChain, slack_text
 from sim_rig.spatial_pendulum import SpatialPendulum
-from sim_rig.vectors import Vector
+from sim_rig.vectors import Vector, plus, scaled
 from sim_rig.vibrating_pendulum import VibratingPendulum
 
 # speed across the plane that is neglected: a swing of at most 10 urad of a load of 1 m
@@ -49,10 +49,23 @@ class Load:
 
     @property
     def points_m(self) -> list[Vector]:
-        """Points of a cable that vibrates, relative to the platform; [] of a straight one."""
-        if self._plane is None and isinstance(self._space, VibratingPendulum):
+        """Points of the cable relative to the platform, from it down.
+
+        The ends of the links; of a cable that vibrates, many points.
+        """
+        if self._plane is not None:
+            angle_rad, length_m = self._plane.angle_rad, self._lengths_m[0]
+            end = (length_m * math.sin(angle_rad), 0.0, -length_m * math.cos(angle_rad))
+            return [(0.0, 0.0, 0.0), end]
+        if isinstance(self._space, VibratingPendulum):
             return self._space.points_m
-        return []
+        lengths_m = self._lengths_m
+        if isinstance(self._space, HoistedPendulum):
+            lengths_m = [self._space.length_m]
+        points: list[Vector] = [(0.0, 0.0, 0.0)]
+        for unit, length_m in zip(self._space.directions, lengths_m, strict=True):
+            points.append(plus(points[-1], scaled(unit, length_m)))
+        return points
 
     @property
     def angle_rad(self) -> float:

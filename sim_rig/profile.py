@@ -70,7 +70,7 @@ def strip_table(cable: CableShape, cos_tilt: float, width: int) -> StripTable:
     From entirely left to entirely right of the cable.
     """
     zero = width + half_width_px(cable, cos_tilt) + 1
-    d_px, p_px = _integral(cable)
+    d_px, p_px = profile_table(cable)
     column = np.arange(2 * zero) - zero - np.arange(PHASES)[:, None] / PHASES  # (PHASES, 2 zero)
     table = (np.interp(cos_tilt * column, d_px, p_px) / cos_tilt).astype(np.float32)
     last = 2 * zero - width
@@ -80,8 +80,8 @@ def strip_table(cable: CableShape, cos_tilt: float, width: int) -> StripTable:
     return StripTable(strips, zero, last)
 
 
-@functools.lru_cache(maxsize=4)
-def _integral(cable: CableShape) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+@functools.lru_cache(maxsize=32)
+def profile_table(cable: CableShape) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Compute distances d [px] and P(d) [grey levels px]; P is constant outside their range."""
     s, half, edge = _sigma_px(cable), 0.5 * cable.width_px, _edge_px(cable)
     d = np.linspace(-edge, edge, 2 * math.ceil(SAMPLES_PER_PX * edge) + 1)

@@ -25,7 +25,7 @@ Cable = CableLine | CableCurve
 class Renderer:
     """Renderer of images; equal seeds give equal images."""
 
-    def __init__(self, camera: CameraParams, view: View, seed: int) -> None:
+    def __init__(self, camera: CameraParams, view: View, seed: int | tuple[int, ...]) -> None:
         self._cable, self._width = profile.CableShape.of(camera), view.width
         shape = (BACKGROUNDS, view.height, view.width)
         noise = np.random.default_rng(seed).standard_normal(shape, dtype=np.float32)

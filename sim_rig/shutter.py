@@ -2,27 +2,50 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim_rig.bench import SimulatedPlant
-from sim_rig.camera import Pinhole
+from sim_rig.cable_state import CableState
+from sim_rig.frame_faults import FrameFaults
 from sim_rig.params import BenchParams
-from sim_rig.renderer import Cable, Renderer
+from sim_rig.plain_imager import PlainImager, is_plain
+
+MAX_JITTER_SHARE = 0.25  # of the frame period
 
 
 class Exposure(NamedTuple):
-    """Image with the start of its exposure and the true cable angle at mid-exposure."""
+    """Image with the time stamps that the camera gives, and what was before the camera."""
 
-    start_ns: int
+    number: int  # of the exposure, from 0
+    start_ns: int  # of the first row
     exposure_ns: int
     row_ns: int  # from row to row
     readout_ns: int  # from the first row to the last
     camera: str
-    middle_rad: float
     pixels: NDArray[np.uint8]  # (height, width) or (height, width, 3)
+    states: list[CableState]  # of the plant, at the instants of the samples
+    true_start_ns: int
+
+
+class OpenExposure(NamedTuple):
+    """Exposure whose samples are being taken."""
+
+    number: int
+    start_ns: int  # by the stamp
+    true_start_ns: int  # after the delay of the trigger, which the camera does not know
+    states: list[CableState]
+
+
+class CameraImager(Protocol):
+    """Maker of the pictures of a camera."""
+
+    instants_ns: list[int]  # at which the cable is sampled, from the start of the exposure
+
+    def picture(self, states: list[CableState], start_s: float, index: int) -> NDArray[np.uint8]:
+        """Take the picture number index of the states at these instants."""
 
 
 class Shutter:
@@ -42,48 +65,85 @@ class Shutter:
                 "set a frame rate, 50 as in the source rig"
             )
         self.exposure_ns = round(camera.exposure_ms * 1e6)
+        self.row_ns = round(camera.row_us * 1e3)
+        self._readout_ns = self.row_ns * (params.view.height - 1)
         self._camera = camera
         self._period_ns = round(1e9 / rate_hz)
-        self._pinhole = Pinhole(camera, params.view, params.home_m)
-        self._renderer = Renderer(camera, params.view, params.seed)
-        self._taken = 0
-        # (line, angle) at the start, the middle and the end of the exposure
-        self._samples: list[tuple[Cable | None, float]] = []
+        self._imager = _imager(params, number)
+        self._faults = FrameFaults(camera.faults, (params.seed, number, 3))
+        self._jitter = np.random.default_rng((params.seed, number, 4))
         self.begin(t_ns)
 
     def begin(self, t_ns: int) -> None:
         """Set the start of the first exposure: the first multiple of the frame period from t_ns."""
-        self._start_ns = self.next_ns = t_ns + -t_ns % self._period_ns
+        self._origin_ns = t_ns
+        self._open: list[OpenExposure] = []  # by age; a rolling shutter may have two
+        self.next_ns = t_ns
+        self._open_next(0, t_ns + -t_ns % self._period_ns)
 
     @property
     def closes_ns(self) -> int:
-        """End of the current exposure, or of the next one."""
-        return self._start_ns + self.exposure_ns
+        """End of the oldest open exposure."""
+        return self._open[0].true_start_ns + self.exposure_ns + self._readout_ns
+
+    @property
+    def oldest_ns(self) -> int:
+        """Start of the oldest open exposure, by its stamp."""
+        return self._open[0].start_ns
 
     def sample(self, bench: SimulatedPlant) -> Exposure | None:
-        """Sample the cable at `next_ns`: start, middle or end of an exposure.
+        """Sample the cable at `next_ns` for one exposure.
 
-        The end gives the exposure with its image.
+        Its last sample gives the exposure with its image, unless the camera drops it.
         """
-        points_m = bench.cable_points_m
-        cable: Cable | None
-        if points_m:
-            cable = self._pinhole.curve(bench.position_m, points_m)
-        else:
-            first = bench.links[0]
-            cable = self._pinhole.line(bench.position_m, first.angle_x_rad, first.angle_y_rad)
-        self._samples.append((cable, bench.angle_rad))
-        if len(self._samples) == 1:
-            self.next_ns = self._start_ns + self.exposure_ns // 2
-            return None
-        if len(self._samples) == 2:
-            self.next_ns = self.closes_ns
-            return None
-        (start, _), (middle, angle_rad), (end, _) = self._samples
-        picture = self._renderer.picture(self._taken, start, middle, end)
-        camera = self._camera
-        exposure = Exposure(self._start_ns, self.exposure_ns, 0, 0, camera.name, angle_rad, picture)
-        self._samples.clear()
-        self._taken += 1
-        self._start_ns = self.next_ns = self._start_ns + self._period_ns
+        at = next(item for item in self._open if self._due_ns(item) == self.next_ns)
+        at.states.append(CableState.of(bench))
+        if len(at.states) == 1:
+            self._open_next(at.number + 1, at.start_ns + self._period_ns)
+        exposure = None
+        if len(at.states) == len(self._imager.instants_ns):
+            self._open.remove(at)
+            exposure = self._expose(at)
+        self.next_ns = min(map(self._due_ns, self._open))
         return exposure
+
+    def _open_next(self, number: int, start_ns: int) -> None:
+        delay_ns = 0
+        if self._camera.jitter_us:
+            delay_ns = round(abs(self._jitter.normal(0.0, self._camera.jitter_us * 1e3)))
+            delay_ns = min(delay_ns, round(MAX_JITTER_SHARE * self._period_ns))
+        self._open.append(OpenExposure(number, start_ns, start_ns + delay_ns, []))
+        self.next_ns = min(map(self._due_ns, self._open))
+
+    def _due_ns(self, item: OpenExposure) -> int:
+        """Return the instant of the next sample of an exposure."""
+        return item.true_start_ns + self._imager.instants_ns[len(item.states)]
+
+    def _expose(self, item: OpenExposure) -> Exposure | None:
+        start_s = (item.true_start_ns - self._origin_ns) * 1e-9
+        fault = self._faults.at(item.number, start_s)
+        if fault.is_dropped:
+            return None
+        picture = self._faults.repeated(fault)
+        if picture is None:
+            picture = self._imager.picture(item.states, start_s, item.number)
+        return Exposure(
+            item.number,
+            item.start_ns,
+            self.exposure_ns,
+            self.row_ns,
+            self._readout_ns,
+            self._camera.name,
+            self._faults.damaged(fault, picture),
+            item.states,
+            item.true_start_ns,
+        )
+
+
+def _imager(params: BenchParams, number: int) -> CameraImager:
+    if is_plain(params.cameras[number]):
+        return PlainImager(params, number)
+    # scipy and the drawing of objects are loaded where a camera needs them
+    from sim_rig.imager import Imager
+
+    return Imager(params, number)

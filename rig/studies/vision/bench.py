@@ -1,33 +1,97 @@
-"""Door to the simulated camera: an experiment in, pictures with their true angle out."""
+"""Door to the simulated cameras: an experiment in, pictures with what is true in them out."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
+import math
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
 
 from rig.errors import ConfigError
 from rig.run.config import Experiment
 from rig.run.runtime.bench import params
-from sim_rig.camera import Pinhole
+from sim_rig.imager import Imager, PictureTruth
+from sim_rig.params import BenchParams
+from sim_rig.synthetic import ColourPlanes, swinging_video
 
-TruthRow = tuple[int, float, float, Any]  # frame, t_s, angle_rad, BGR picture
+Position = tuple[float, float, float]
+
+
+class CameraFrame(NamedTuple):
+    """Picture of a simulated camera."""
+
+    number: int  # of the exposure, from 0; a dropped one is missing
+    t_s: float  # middle of the exposure of the first row, from the release of the load
+    angle_rad: float  # true angle of the first link in the plane of the camera at that instant
+    pixels: Any  # (height, width), or (height, width, 3) blue, green, red
+    colour: Any  # (height, width, 3) as a video shows it
+    truth: PictureTruth  # in the picture
+
+
+def camera_frames(
+    experiment: Experiment,
+    seconds: float,
+    number: int = 0,
+    motion: Callable[[float], Position] | None = None,
+) -> Iterator[CameraFrame]:
+    """Generate the frames of a camera, of a load released at the start; number: from 0.
+
+    motion: position of the platform at a time, at rest without it. Raises ConfigError for a camera
+    without frame rate, or one that does not exist or is turned away.
+    """
+    plant = _plant(experiment, number)
+    try:
+        imager = Imager(plant, number)
+        planes = ColourPlanes(plant, number)
+        across = plant.cameras[number].plane == "y"
+        for frame in swinging_video(plant, seconds, number, motion):
+            exposure = frame.exposure
+            yield CameraFrame(
+                frame.number,
+                frame.t_s,
+                frame.angle_y_rad if across else frame.angle_rad,
+                exposure.pixels,
+                planes.colour(exposure.pixels, frame.number),
+                imager.truth(exposure.states, exposure.true_start_ns * 1e-9),
+            )
+    except ValueError as error:
+        raise ConfigError(str(error)) from None
+
+
+def check(experiment: Experiment, number: int) -> None:
+    """Check a camera without taking a picture; raises ConfigError."""
+    plant = _plant(experiment, number)
+    try:
+        Imager(plant, number)
+    except ValueError as error:
+        raise ConfigError(str(error)) from None
+
+
+def rate_hz(experiment: Experiment, number: int) -> float:
+    """Return the frame rate of a camera; raises ConfigError."""
+    plant = _plant(experiment, number)
+    return plant.rate_hz(plant.cameras[number])
+
+
+def _plant(experiment: Experiment, number: int) -> BenchParams:
+    """Read the plant, with that camera. Raises ConfigError."""
+    plant = params(experiment)
+    if number >= len(plant.cameras):
+        raise ConfigError(
+            f"camera {number + 1} of {len(plant.cameras)}; must be 1 to {len(plant.cameras)}: "
+            "choose another, or add it to [[bench.cameras]]"
+        )
+    if plant.rate_hz(plant.cameras[number]) == 0.0:
+        raise ConfigError("[camera] rate_hz = 0: no pictures to take; set it to 50")
+    return plant
 
 
 def pivot_px(experiment: Experiment) -> tuple[float, float]:
     """Compute the position of the pivot in the picture before any motion [px]."""
-    plant = params(experiment)
-    camera = Pinhole(plant.cameras[0], plant.view, plant.home_m)
-    line = camera.line(plant.start_m, 0.0)
-    if line is None:
+    first = next(camera_frames(experiment, 1.0 / experiment.camera.rate_hz))
+    x, y = first.truth.pivot_px
+    if math.isnan(x):
         raise ConfigError(
             "[bench.camera] does not see the cable; it must lie in the picture: "
             "move the camera back or level it"
         )
-    return line.column_px + line.slope * line.pivot_row_px, line.pivot_row_px
-
-
-def synthetic_video(experiment: Experiment, seconds: float) -> Iterator[TruthRow]:
-    """Generate the frames of a freely swinging load with their true angle."""
-    from sim_rig.synthetic import swinging_video
-
-    yield from swinging_video(params(experiment), seconds)
+    return x, y

@@ -26,15 +26,18 @@ def laws(incomplete: str) -> list[str]:
     return _starting(LAWS, incomplete)
 
 
+def scenes(incomplete: str) -> list[str]:
+    """Complete a shipped scene, or a TOML file."""
+    from rig.studies.vision.scene import shipped_scenes
+
+    return [*_starting(shipped_scenes(), incomplete), *_toml_files(incomplete)]
+
+
 def experiments(incomplete: str) -> list[str]:
     """Complete a shipped experiment, or a TOML file."""
     from rig.run.config import shipped
 
-    folder = Path(incomplete).parent
-    if incomplete.endswith("/"):
-        folder = Path(incomplete)
-    files = (str(path) for path in sorted(folder.glob("*.toml")))
-    return [*_starting(shipped(), incomplete), *_starting(files, incomplete)]
+    return [*_starting(shipped(), incomplete), *_toml_files(incomplete)]
 
 
 def recorded_runs(context: typer.Context, incomplete: str) -> list[str]:
@@ -43,6 +46,14 @@ def recorded_runs(context: typer.Context, incomplete: str) -> list[str]:
 
     names = run_names(Path(context.params.get("runs") or "runs"))
     return _starting(["last", *reversed(names)], incomplete)
+
+
+def _toml_files(incomplete: str) -> list[str]:
+    """List the TOML files that start so, in their folder."""
+    folder = Path(incomplete).parent
+    if incomplete.endswith("/"):
+        folder = Path(incomplete)
+    return _starting((str(path) for path in sorted(folder.glob("*.toml"))), incomplete)
 
 
 def _starting(names: Iterable[str], start: str) -> list[str]:
