@@ -124,7 +124,7 @@ def test_a_figure_without_value_fails_its_bar() -> None:
 
 def test_a_table_of_bars_names_an_unknown_key_and_a_negative_bar() -> None:
     assert convert({"max_bias_rad": 1e-3}, Bars) == Bars(max_bias_rad=1e-3)
-    with pytest.raises(ConfigError, match="max_bias_mrad.*did you mean 'max_bias_rad'"):
+    with pytest.raises(ConfigError, match=r"max_bias_mrad.*did you mean 'max_bias_rad'"):
         convert({"max_bias_mrad": 1.0}, Bars, "scene.bars")
     with pytest.raises(ConfigError, match="max_wrong = -1"):
         convert({"max_wrong": -1}, Bars, "scene.bars")
