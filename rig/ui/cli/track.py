@@ -74,8 +74,7 @@ def track(
 ) -> int:
     """Measure the cable angle in every frame of a video, or compare trackers.
 
-    Exit code 6 when no frame shows a cable through the pivot, and when the tracker tested in the
-    benchmark does not meet the pass bars of a scene.
+    Exit code 6: no frame shows a cable through the pivot, or the tested tracker fails a pass bar.
     """
     if benchmark:
         from rig.ui.cli.track_benchmark import BenchmarkOptions, run_benchmark
