@@ -16,6 +16,7 @@ PAGES = (
     "docs/planning.md",
     "docs/motions.md",
     "docs/drives.md",
+    "docs/vision.md",
     "docs/wire.md",
     "docs/sources.md",
     "docs/glossary.md",

@@ -31,8 +31,8 @@ EXAMPLES = {
         "sim --video v.avi --truth t.csv --seconds 2 --set bench.camera.pitch_deg=0",
     ),
     "track": (
-        "track v.avi --pivot 320,-58.8",
         "track v.avi --pivot 320,-58.8 --csv angles.csv",
+        "track --benchmark --scenes clean,hidden --frames 50",
     ),
     "analyze": (
         "analyze last",

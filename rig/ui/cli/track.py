@@ -1,4 +1,4 @@
-"""`rig track`: cable angle in every frame of a video file."""
+"""`rig track`: cable angle in every frame of a video file, or the benchmark of trackers."""
 
 from __future__ import annotations
 
@@ -31,22 +31,83 @@ class TrackedFrame(NamedTuple):
 
 
 def track(
-    video: Annotated[Path, typer.Argument(metavar="VIDEO", help="Video file.")],
+    video: Annotated[
+        Path | None,
+        typer.Argument(metavar="VIDEO", help="Video file.", show_default=False),
+    ] = None,
     pivot: Annotated[
-        str,
+        str | None,
         typer.Option(
             metavar="X,Y", help="Upper end of the cable in the image \\[px]; may lie outside."
         ),
-    ],
+    ] = None,
     csv_file: Annotated[
         Path | None, typer.Option("--csv", help=f"CSV file, one row a frame: {', '.join(FIELDS)}.")
     ] = None,
+    benchmark: Annotated[
+        bool,
+        typer.Option(
+            "--benchmark", help="Measure trackers on scenes with known truth instead of a video."
+        ),
+    ] = False,
+    scenes: Annotated[
+        str | None,
+        typer.Option(help="Scenes of the benchmark, separated by commas; all by default."),
+    ] = None,
+    tracker: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MODULE:CLASS", help="Tracker to test in the benchmark; ours by default."
+        ),
+    ] = None,
+    frames: Annotated[
+        int | None,
+        typer.Option(
+            min=1, max=100_000, help="Frames of each scene of the benchmark; 300 by default."
+        ),
+    ] = None,
+    junit: Annotated[
+        Path | None,
+        typer.Option(help="JUnit XML file of the tracker tested in the benchmark, for a CI."),
+    ] = None,
     as_json: AsJson = False,
 ) -> int:
-    """Measure the cable angle in every frame of a video.
+    """Measure the cable angle in every frame of a video, or compare trackers.
 
-    Exit code 6 when no frame shows a cable through the pivot.
+    Exit code 6: no frame shows a cable through the pivot, or the tested tracker fails a pass bar.
     """
+    if benchmark:
+        from rig.ui.cli.track_benchmark import BenchmarkOptions, run_benchmark
+
+        _refuse_options(
+            "with --benchmark, which draws its own pictures",
+            {"VIDEO": video, "--pivot": pivot, "--csv": csv_file},
+            "remove it",
+        )
+        return run_benchmark(BenchmarkOptions(scenes, tracker, frames, junit, as_json))
+    _refuse_options(
+        "without --benchmark",
+        {"--scenes": scenes, "--tracker": tracker, "--frames": frames, "--junit": junit},
+        "add --benchmark",
+    )
+    if video is None:
+        raise ConfigError("VIDEO: missing; must be a video file: name it, or give --benchmark")
+    if pivot is None:
+        raise ConfigError(
+            "--pivot: missing; must be X,Y in pixels: for example --pivot 320,-40, or give "
+            "--benchmark"
+        )
+    return _track_video(video, pivot, csv_file, as_json)
+
+
+def _refuse_options(situation: str, given: dict[str, object], next_step: str) -> None:
+    """Raise ConfigError for an option that is given where it has no effect."""
+    for name, value in given.items():
+        if value is not None:
+            raise ConfigError(f"{name} {value} {situation}; must be left out: {next_step}")
+
+
+def _track_video(video: Path, pivot: str, csv_file: Path | None, as_json: bool) -> int:
     pivot_px = _pivot(pivot)
     if not video.is_file():
         found = "a folder" if video.is_dir() else "no such file"

@@ -1,0 +1,147 @@
+"""Benchmark of cable trackers on scenes with known truth; for `rig track` and for other programs.
+
+from rig.studies.vision import kit
+
+results = kit.run(["clean"], {"mine": MyTracker}, frames=50)
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from msgspec import Struct
+
+from comms.clock import stopwatch_s
+from rig.errors import ConfigError
+from rig.studies.vision import tracker_class
+from rig.studies.vision.peers import PEERS
+from rig.studies.vision.scene import (
+    Scene,
+    SceneFrame,
+    picture_size,
+    read_scene,
+    scene_frames,
+    shipped_scenes,
+)
+from rig.studies.vision.score import Angles, Bars, Expect, Score, failures, score
+from rig.studies.vision.tracker_class import Place, load_tracker
+from vision.line_fit import Grey
+from vision.protocol import CableAngle, TrackerClass
+from vision.sources import red_plane
+from vision.tracker import Tracker
+
+__all__ = ["OURS", "PEERS", "PEER_STEP", "SceneResult", "load_tracker", "run", "shipped_scenes"]
+
+FRAMES = 300  # of a scene: 6 s at 50 Hz
+PEER_STEP = 10  # the peers measure one frame in ten: they are some 15 times slower
+OURS: dict[str, TrackerClass] = {"ours": Tracker}
+
+
+class SceneResult(Struct, frozen=True, kw_only=True):
+    """Figures of a tracker on a scene."""
+
+    scene: str
+    about: str
+    expect: Expect
+    tracker: str
+    score: Score
+    failures: list[str]  # figures beyond the bars of the scene, each with value and bound
+    seconds: float  # spent in the tracker
+
+    @property
+    def passed(self) -> bool:
+        """True if every figure is within the bars of the scene."""
+        return not self.failures
+
+
+def run(
+    scenes: Sequence[str],
+    trackers: Mapping[str, TrackerClass],
+    frames: int = FRAMES,
+    progress: Callable[[int], None] | None = None,
+) -> list[SceneResult]:
+    """Measure the frames of every scene with every tracker; results scene by scene.
+
+    scenes: names of shipped scenes, or paths of scene files. trackers: class by name; a new
+    instance for each scene. A tracker in PEERS measures one frame in PEER_STEP. progress is given
+    the number of frames done, of len(scenes) * frames. Raises ConfigError for an unknown scene,
+    and for a tracker that fails or gives no angle.
+    """
+    if frames < 1:
+        raise ConfigError(f"frames = {frames}; must be 1 or more: give the frames of each scene")
+    results: list[SceneResult] = []
+    done = 0
+    for scene in [read_scene(name) for name in scenes]:
+        parts = [_TrackerRun(scene, name, kind) for name, kind in trackers.items()]
+        for frame in scene_frames(scene, frames):
+            for part in parts:
+                part.measure(frame)
+            done += 1
+            if progress is not None:
+                progress(done)
+        results += [part.result() for part in parts]
+    return results
+
+
+class _TrackerRun:
+    """One tracker on one scene."""
+
+    def __init__(self, scene: Scene, name: str, kind: TrackerClass) -> None:
+        self._scene = scene
+        self._name = name
+        self._is_colour = bool(getattr(kind, "colour", False))
+        self._step = PEER_STEP if kind in PEERS.values() else 1
+        start = Place(name, scene.name, 0)
+        self._tracker = tracker_class.construct(start, kind, picture_size(scene))
+        self._rows: list[tuple[float, float, float, float]] = []
+        self._seconds = 0.0
+
+    def measure(self, frame: SceneFrame) -> None:
+        """Measure a frame; only the call of the tracker is timed."""
+        if frame.number % self._step:
+            return
+        place = Place(self._name, self._scene.name, frame.number)
+        picture = _own_picture(frame, self._is_colour)
+        start_s = stopwatch_s()
+        result = tracker_class.measured(place, self._tracker, picture, frame.pivot_px)
+        self._seconds += stopwatch_s() - start_s
+        self._rows.append(_row(frame, tracker_class.check_result(place, result)))
+
+    def result(self) -> SceneResult:
+        """Compute the figures of the frames measured."""
+        scene = self._scene
+        angles = Angles(*np.array(self._rows).T)
+        found = score(angles, self._seconds, scene.expect)
+        return SceneResult(
+            scene=scene.name,
+            about=scene.about,
+            expect=scene.expect,
+            tracker=self._name,
+            score=found,
+            failures=failures(found, scene.bars or Bars()),
+            seconds=self._seconds,
+        )
+
+
+def _own_picture(frame: SceneFrame, is_colour: bool) -> Grey:
+    """Copy the picture that a tracker is given, which it may change."""
+    if is_colour and frame.picture.ndim == 2:
+        return np.repeat(frame.picture[:, :, None], 3, axis=2)
+    picture = frame.picture if is_colour else red_plane(frame.picture)
+    return np.array(picture, order="C")
+
+
+def _row(frame: SceneFrame, measured: CableAngle) -> tuple[float, float, float, float]:
+    """Collect the values of Angles; NaN where a value is absent."""
+    return (
+        _or_nan(frame.angle_rad),
+        _or_nan(measured.angle_rad),
+        _or_nan(measured.sigma_rad),
+        _or_nan(frame.bound_rad),
+    )
+
+
+def _or_nan(value: float | None) -> float:
+    return math.nan if value is None else value
