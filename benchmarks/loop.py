@@ -12,11 +12,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from benchmarks.timing import interpreter_line, is_short, timed_s
 from comms.clock import stopwatch_s
-from comms.messages import Frame, Truth
 from comms.task import Step, Task
 from rig.run import config
 from rig.run.job import Job, plan_move, prepare
@@ -26,7 +23,10 @@ from rig.run.runtime.execute import make_task
 from rig.run.runtime.interrupts import Interrupts
 from rig.run.runtime.virtual import VirtualRunner
 from rig.run.tasks.operator import Operator
-from rig.studies.vision.bench import pivot_px
+from rig.studies.vision.scene import picture_size, read_scene, scene_frames
+from sim_rig.imager import Imager
+from sim_rig.plain_imager import PlainImager, is_plain
+from sim_rig.synthetic import swinging_video
 from vision.tracker import Tracker
 
 REPEATS = 1 if is_short() else 7
@@ -106,20 +106,12 @@ def loop(job: Job, timed: bool) -> tuple[float, dict[str, float]]:
 
 
 def tracker() -> tuple[float, float]:
-    """Median seconds a frame, following and cold, on frames of a load swinging by 20 degrees."""
-    chosen = config.read_experiment(
-        "free_decay", ["bench.pendulum.initial_swing_rad=0.349", "bench.camera.pitch_deg=0"]
-    )
-    world = bench.task(prepare(chosen, None, bench.plant(chosen)).settings["bench"])
-    sends = list(world.start(0).sends)
-    for t in range(5, FRAMES * 20, 5):
-        sends += world.on_tick(t * 1_000_000).sends
-    frames = [s.message.pixels for s in sends if isinstance(s.message, Frame)]
-    truths = [s.message.links[0].angle_x_rad for s in sends if isinstance(s.message, Truth)]
-    assert len(frames) > FRAMES * 0.9
-    assert max(np.abs(truths)) > 0.34
-    height, width = frames[0].shape
-    eye, pivot = Tracker(width, height), pivot_px(chosen)
+    """Median seconds a frame, following and cold, on frames of a load swinging by 0.3 rad."""
+    scene = read_scene("clean")
+    shown = list(scene_frames(scene, FRAMES))
+    assert max(abs(frame.cable_rad) for frame in shown) > 0.29
+    frames, pivot = [frame.picture for frame in shown], shown[0].pivot_px
+    eye = Tracker(*picture_size(scene))
     following = [timed_s(lambda f=f: eye.measure(f, pivot)) for f in frames]
 
     def cold(frame: Any) -> None:
@@ -128,6 +120,17 @@ def tracker() -> tuple[float, float]:
 
     return statistics.median(following), statistics.median(
         timed_s(lambda f=f: cold(f)) for f in frames
+    )
+
+
+def rendering(name: str) -> float:
+    """Median seconds a picture of a scene, without the motion of the load."""
+    plant = read_scene(name).plant
+    shown = list(swinging_video(plant, 2.0))
+    make = PlainImager if is_plain(plant.cameras[0]) else Imager
+    imager = make(plant, 0)
+    return statistics.median(
+        timed_s(lambda f=f: imager.picture(f.exposure.states, f.t_s, f.number)) for f in shown
     )
 
 
@@ -156,6 +159,9 @@ def main() -> None:
     following, cold = tracker()
     for name, seconds in (("following the cable", following), ("cold, full frame", cold)):
         print(f"tracker, every row, {name}: {seconds * 1e6:.0f} us ({1 / seconds:.0f} frames/s)")
+    for name in ("clean", "everything"):
+        seconds = rendering(name)
+        print(f"renderer, scene {name}: {seconds * 1e6:.0f} us ({1 / seconds:.0f} frames/s)")
     print(interpreter_line())
 
 

@@ -43,7 +43,8 @@ class PictureTruth(NamedTuple):
     # of the straight line that fits the axis of the first link best over these rows; None if there
     # are too few
     angle_rad: float | None
-    bound_rad: float | None  # Cramer-Rao bound of that angle, place of the line unknown
+    # Cramer-Rao bound of that angle, place of the line unknown; None without noise or information
+    bound_rad: float | None
 
 
 class Imager:
@@ -241,6 +242,8 @@ class Imager:
             information += (sites * slopes**2 / variance).sum(axis=1)
         information[~seen] = 0.0
         bound = _slope_bound(axis.rows, information)
+        if not math.isfinite(bound):
+            return None
         return bound * float(np.mean(1.0 / (1.0 + axis.slope[seen] ** 2)))
 
     def _screen(self, start_s: float) -> Image:
@@ -257,7 +260,7 @@ def _slope_bound(rows: FloatArray, information: FloatArray) -> float:
     if total <= 0.0:
         return math.inf
     spread = rows - float(information @ rows) / total
-    return 1.0 / math.sqrt(float(information @ spread**2) or math.inf)
+    return float(np.reciprocal(np.sqrt(information @ spread**2)))
 
 
 def _bell(distance_px: FloatArray, radius_px: float) -> Image:

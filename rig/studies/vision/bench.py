@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
@@ -27,53 +26,12 @@ class CameraFrame(NamedTuple):
     truth: PictureTruth  # in the picture
 
 
-def camera_frames(
-    experiment: Experiment,
-    seconds: float,
-    number: int = 0,
-    motion: Callable[[float], Position] | None = None,
-) -> Iterator[CameraFrame]:
-    """Generate the frames of a camera, of a load released at the start; number: from 0.
+def read_plant(experiment: Experiment, number: int) -> BenchParams:
+    """Read the plant of an experiment, with camera number, from 0, that takes pictures.
 
-    motion: position of the platform at a time, at rest without it. Raises ConfigError for a camera
-    without frame rate, or one that does not exist or is turned away.
+    Raises ConfigError for a camera without frame rate, or one that does not exist or is turned
+    away.
     """
-    plant = _plant(experiment, number)
-    try:
-        imager = Imager(plant, number)
-        planes = ColourPlanes(plant, number)
-        across = plant.cameras[number].plane == "y"
-        for frame in swinging_video(plant, seconds, number, motion):
-            exposure = frame.exposure
-            yield CameraFrame(
-                frame.number,
-                frame.t_s,
-                frame.angle_y_rad if across else frame.angle_rad,
-                exposure.pixels,
-                planes.colour(exposure.pixels, frame.number),
-                imager.truth(exposure.states, exposure.true_start_ns * 1e-9),
-            )
-    except ValueError as error:
-        raise ConfigError(str(error)) from None
-
-
-def check(experiment: Experiment, number: int) -> None:
-    """Check a camera without taking a picture; raises ConfigError."""
-    plant = _plant(experiment, number)
-    try:
-        Imager(plant, number)
-    except ValueError as error:
-        raise ConfigError(str(error)) from None
-
-
-def rate_hz(experiment: Experiment, number: int) -> float:
-    """Return the frame rate of a camera; raises ConfigError."""
-    plant = _plant(experiment, number)
-    return plant.rate_hz(plant.cameras[number])
-
-
-def _plant(experiment: Experiment, number: int) -> BenchParams:
-    """Read the plant, with that camera. Raises ConfigError."""
     plant = params(experiment)
     if number >= len(plant.cameras):
         raise ConfigError(
@@ -82,16 +40,38 @@ def _plant(experiment: Experiment, number: int) -> BenchParams:
         )
     if plant.rate_hz(plant.cameras[number]) == 0.0:
         raise ConfigError("[camera] rate_hz = 0: no pictures to take; set it to 50")
+    try:
+        Imager(plant, number)
+    except ValueError as error:
+        raise ConfigError(str(error)) from None
     return plant
 
 
-def pivot_px(experiment: Experiment) -> tuple[float, float]:
-    """Compute the position of the pivot in the picture before any motion [px]."""
-    first = next(camera_frames(experiment, 1.0 / experiment.camera.rate_hz))
-    x, y = first.truth.pivot_px
-    if math.isnan(x):
-        raise ConfigError(
-            "[bench.camera] does not see the cable; it must lie in the picture: "
-            "move the camera back or level it"
+def rate_hz(plant: BenchParams, number: int) -> float:
+    """Return the frame rate of a camera."""
+    return plant.rate_hz(plant.cameras[number])
+
+
+def camera_frames(
+    plant: BenchParams,
+    seconds: float,
+    number: int = 0,
+    motion: Callable[[float], Position] | None = None,
+) -> Iterator[CameraFrame]:
+    """Generate the frames of camera number, from 0, of a load released at the start.
+
+    motion: position of the platform at a time, at rest without it.
+    """
+    imager = Imager(plant, number)
+    planes = ColourPlanes(plant, number)
+    across = plant.cameras[number].plane == "y"
+    for frame in swinging_video(plant, seconds, number, motion):
+        exposure = frame.exposure
+        yield CameraFrame(
+            frame.number,
+            frame.t_s,
+            frame.angle_y_rad if across else frame.angle_rad,
+            exposure.pixels,
+            planes.colour(exposure.pixels, frame.number),
+            imager.truth(exposure.states, exposure.true_start_ns * 1e-9),
         )
-    return x, y

@@ -34,7 +34,6 @@ from vision.tracker import Tracker
 
 __all__ = ["OURS", "PEERS", "PEER_STEP", "SceneResult", "load_tracker", "run", "shipped_scenes"]
 
-FRAMES = 300  # of a scene: 6 s at 50 Hz
 PEER_STEP = 10  # the peers measure one frame in ten: they are some 15 times slower
 OURS: dict[str, TrackerClass] = {"ours": Tracker}
 
@@ -59,23 +58,23 @@ class SceneResult(Struct, frozen=True, kw_only=True):
 def run(
     scenes: Sequence[str],
     trackers: Mapping[str, TrackerClass],
-    frames: int = FRAMES,
+    frames: int | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> list[SceneResult]:
     """Measure the frames of every scene with every tracker; results scene by scene.
 
     scenes: names of shipped scenes, or paths of scene files. trackers: class by name; a new
-    instance for each scene. A tracker in PEERS measures one frame in PEER_STEP. progress is given
-    the number of frames done, of len(scenes) * frames. Raises ConfigError for an unknown scene,
-    and for a tracker that fails or gives no angle.
+    instance for each scene. frames: of each scene, at most its own number, which is the default. A
+    tracker in PEERS measures one frame in PEER_STEP. progress is given the number of frames done.
+    Raises ConfigError for an unknown scene, and for a tracker that fails or gives no angle.
     """
-    if frames < 1:
+    if frames is not None and frames < 1:
         raise ConfigError(f"frames = {frames}; must be 1 or more: give the frames of each scene")
     results: list[SceneResult] = []
     done = 0
     for scene in [read_scene(name) for name in scenes]:
         parts = [_TrackerRun(scene, name, kind) for name, kind in trackers.items()]
-        for frame in scene_frames(scene, frames):
+        for frame in scene_frames(scene, frame_count(scene, frames)):
             for part in parts:
                 part.measure(frame)
             done += 1
@@ -83,6 +82,12 @@ def run(
                 progress(done)
         results += [part.result() for part in parts]
     return results
+
+
+def frame_count(scene: Scene, frames: int | None) -> int:
+    """Choose the number of frames of a scene: its own, or fewer."""
+    own = scene.section.frames
+    return own if frames is None else min(frames, own)
 
 
 class _TrackerRun:

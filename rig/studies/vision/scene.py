@@ -8,6 +8,8 @@ from __future__ import annotations
 import copy
 import math
 import tomllib
+import warnings
+import zlib
 from collections.abc import Callable, Iterator, Sequence
 from importlib import resources
 from pathlib import Path
@@ -17,7 +19,7 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
-from rig.errors import ConfigError
+from rig.errors import ConfigError, StrangeValue
 from rig.run.config import Experiment, Pixel
 from rig.run.toml_file import Section, convert, nearest, override, read_toml
 from rig.studies.vision import bench
@@ -27,7 +29,7 @@ from rig.studies.vision.stamps import Stamps
 TABLES = ("scene", "camera", "bench")
 # of every scene, where its file gives nothing else: a swing of 0.3 rad at 0.55 Hz
 BASE: dict[str, Any] = {
-    "experiment": {"name": "scene", "kind": "free_decay", "seed": 3},
+    "experiment": {"name": "scene", "kind": "free_decay"},
     "bench": {
         "robot": {"kind": "cartesian"},
         "pendulum": {"length_m": 0.82, "initial_swing_rad": 0.3},
@@ -56,7 +58,8 @@ class SceneSection(Section, frozen=True, kw_only=True):
     frames: Annotated[int, Meta(ge=1, le=100_000)] = 300
     stamps: Stamps = "cfr"  # of the video
     camera: Annotated[int, Meta(ge=1, le=3)] = 1
-    seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 3
+    # of the noise; by default another one for each name
+    seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] | None = None
     # what a tracker is told about the pivot, less the truth
     pivot_error_px: tuple[Pixel, Pixel] = (0.0, 0.0)
     motion: PlatformSine | None = None
@@ -82,7 +85,12 @@ class Scene(NamedTuple):
 
     name: str
     section: SceneSection
-    experiment: Experiment
+    plant: Any  # with its cameras
+
+    @property
+    def about(self) -> str:
+        """What is special."""
+        return self.section.about
 
     @property
     def expect(self) -> Expect:
@@ -97,7 +105,7 @@ class Scene(NamedTuple):
     @property
     def rate_hz(self) -> float:
         """Frame rate of the camera."""
-        return bench.rate_hz(self.experiment, self.section.camera - 1)
+        return bench.rate_hz(self.plant, self.section.camera - 1)
 
 
 def shipped_scenes() -> list[str]:
@@ -137,9 +145,11 @@ def make_scene(name: str, tables: dict[str, Any]) -> Scene:
                 f"of {', '.join(TABLES)}: remove it"
             )
     section = convert(tables.get("scene", {}), SceneSection, "scene")
-    experiment = convert(_over_base(tables, section.seed), Experiment)
-    bench.check(experiment, section.camera - 1)
-    return Scene(name, section, experiment)
+    experiment = convert(_over_base(tables, _seed(name, section)), Experiment)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", StrangeValue)  # a scene may well swing by 0.9 rad
+        plant = bench.read_plant(experiment, section.camera - 1)
+    return Scene(name, section, plant)
 
 
 def scene_frames(scene: Scene, frames: int) -> Iterator[SceneFrame]:
@@ -151,7 +161,7 @@ def scene_frames(scene: Scene, frames: int) -> Iterator[SceneFrame]:
     number = section.camera - 1
     seconds = frames / scene.rate_hz
     error_x, error_y = section.pivot_error_px
-    for frame in bench.camera_frames(scene.experiment, seconds, number, motion):
+    for frame in bench.camera_frames(scene.plant, seconds, number, motion):
         if frame.number >= frames:
             return
         x, y = frame.truth.pivot_px
@@ -169,7 +179,11 @@ def scene_frames(scene: Scene, frames: int) -> Iterator[SceneFrame]:
 
 def picture_size(scene: Scene) -> tuple[int, int]:
     """Return width and height of the pictures."""
-    return scene.experiment.camera.width, scene.experiment.camera.height
+    return scene.plant.view.width, scene.plant.view.height
+
+
+def _seed(name: str, section: SceneSection) -> int:
+    return zlib.crc32(name.encode()) if section.seed is None else section.seed
 
 
 def _over_base(tables: dict[str, Any], seed: int) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from rig.errors import ConfigError
 from rig.run.config import Experiment
 from rig.studies.vision import bench
 from rig.studies.vision.matroska import MatroskaWriter
-from rig.studies.vision.scene import Scene, SceneFrame, picture_size, scene_frames
+from rig.studies.vision.scene import Scene, SceneFrame, SceneSection, picture_size, scene_frames
 from rig.studies.vision.stamps import Stamps, is_kept, stamp_s
 
 CODECS = {".avi": "FFV1", ".mkv": "FFV1", ".mp4": "mp4v"}  # FFV1 is lossless
@@ -52,10 +52,8 @@ class VideoFiles(NamedTuple):
 
 def scene_of(experiment: Experiment) -> Scene:
     """Make a scene of an experiment: its load swings freely at home before its first camera."""
-    from rig.studies.vision.scene import SceneSection
-
-    bench.check(experiment, 0)
-    return Scene(experiment.experiment.name, SceneSection(about=""), experiment)
+    plant = bench.read_plant(experiment, 0)
+    return Scene(experiment.experiment.name, SceneSection(about=""), plant)
 
 
 def write_video(scene: Scene, frames: int, files: VideoFiles, progress: Progress) -> int:

@@ -32,7 +32,7 @@ EXAMPLES = {
     ),
     "track": (
         "track v.avi --pivot 320,-58.8 --csv angles.csv",
-        "track --benchmark --scenes clean,hidden --frames 50",
+        "track --benchmark --scenes clean,no_cable --frames 50",
     ),
     "analyze": (
         "analyze last",

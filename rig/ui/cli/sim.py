@@ -119,7 +119,7 @@ def _print_scenes(as_json: bool) -> None:
         return
     table = plain_table("shipped scenes, rendered by `rig sim --scene NAME`", SCENE_COLUMNS, left=3)
     for scene in scenes:
-        table.add_row(scene.name, scene.expect, scene.section.about)
+        table.add_row(scene.name, scene.expect, scene.about)
     print_table(table)
 
 

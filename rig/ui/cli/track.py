@@ -63,7 +63,9 @@ def track(
     frames: Annotated[
         int | None,
         typer.Option(
-            min=1, max=100_000, help="Frames of each scene of the benchmark; 300 by default."
+            min=1,
+            max=100_000,
+            help="Most frames of each scene of the benchmark; its own number by default.",
         ),
     ] = None,
     junit: Annotated[

@@ -14,6 +14,7 @@ from rig.errors import BAD_DATA, EXIT_STATUS, OK, ConfigError
 from rig.studies.vision import kit
 from rig.studies.vision.junit import write_junit
 from rig.studies.vision.kit import SceneResult
+from rig.studies.vision.scene import read_scene
 from rig.ui.cli.output import COLOUR, print_json
 from rig.ui.cli.page import (
     Column,
@@ -61,21 +62,26 @@ def run_benchmark(options: BenchmarkOptions) -> int:
         check_folder("--junit", options.junit)
     scenes = _scenes(options.scenes)
     trackers, tested = _trackers(options.tracker)
-    frames = options.frames or kit.FRAMES
     cv2.setNumThreads(1)  # frames/s of one core, for every tracker
     with Progress(console=err, transient=True, disable=options.as_json) as bar:
-        line = bar.add_task("measuring", total=len(scenes) * frames)
-        results = kit.run(scenes, trackers, frames, lambda done: bar.update(line, completed=done))
+        line = bar.add_task("measuring", total=_total(scenes, options.frames))
+        results = kit.run(
+            scenes, trackers, options.frames, lambda done: bar.update(line, completed=done)
+        )
     judged = [result for result in results if result.tracker == tested]
     if options.junit is not None:
         write_junit(options.junit, judged)
     code = OK if all(result.passed for result in judged) else BAD_DATA
     if options.as_json:
-        print_json(_document(results, judged, frames, code))
+        print_json(_document(results, judged, options.frames, code))
         return code
-    _print_results(results, judged, frames)
+    _print_results(results, judged, options.frames)
     print_written(options.junit)
     return code
+
+
+def _total(scenes: Sequence[str], frames: int | None) -> int:
+    return sum(kit.frame_count(read_scene(name), frames) for name in scenes)
 
 
 def _scenes(text: str | None) -> list[str]:
@@ -99,7 +105,7 @@ def _trackers(text: str | None) -> tuple[dict[str, TrackerClass], str]:
 
 
 def _document(
-    results: Sequence[SceneResult], judged: Sequence[SceneResult], frames: int, code: int
+    results: Sequence[SceneResult], judged: Sequence[SceneResult], frames: int | None, code: int
 ) -> dict[str, Any]:
     return {
         "exit_status": EXIT_STATUS[code],
@@ -119,7 +125,7 @@ def _reasons(judged: Sequence[SceneResult]) -> list[str]:
 
 
 def _print_results(
-    results: Sequence[SceneResult], judged: Sequence[SceneResult], frames: int
+    results: Sequence[SceneResult], judged: Sequence[SceneResult], frames: int | None
 ) -> None:
     print_table(_table(results, frames))
     print_paragraph(LEGEND.format(peers=", ".join(kit.PEERS), step=kit.PEER_STEP), "dim")
@@ -133,9 +139,10 @@ def _print_results(
         print_paragraph(f"  - {reason}", indent="    ")
 
 
-def _table(results: Sequence[SceneResult], frames: int) -> PageTable:
+def _table(results: Sequence[SceneResult], frames: int | None) -> PageTable:
     """Make the table: a line for each scene, and below it one for each tracker."""
-    table = plain_table(f"trackers on {frames} frames of each scene", COLUMNS)
+    count = "all" if frames is None else f"{frames}"
+    table = plain_table(f"trackers on {count} frames of each scene", COLUMNS)
     table.padding = (0, 1, 0, 0)
     scene = None
     for result in results:

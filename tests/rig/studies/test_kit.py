@@ -83,7 +83,7 @@ def answering(result):
 
 
 def test_ours_is_at_the_bound_on_a_clean_scene_and_refuses_a_hidden_cable() -> None:
-    clean, hidden = kit.run(["clean", "hidden"], kit.OURS, frames=40)
+    clean, hidden = kit.run(["clean", "no_cable"], kit.OURS, frames=40)
     assert (clean.scene, clean.tracker, clean.passed) == ("clean", "ours", True)
     assert (clean.score.frames, clean.score.refused, clean.score.wrong) == (40, 0, 0)
     assert 0.8 < clean.score.std_over_bound < 1.3
@@ -96,9 +96,9 @@ def test_ours_is_at_the_bound_on_a_clean_scene_and_refuses_a_hidden_cable() -> N
 
 def test_results_come_scene_by_scene_and_the_peers_measure_one_frame_in_ten() -> None:
     done: list[int] = []
-    results = kit.run(["hidden", "clean"], kit.OURS | kit.PEERS, 11, done.append)
+    results = kit.run(["no_cable", "clean"], kit.OURS | kit.PEERS, 11, done.append)
     assert [(result.scene, result.tracker) for result in results] == [
-        *(("hidden", name) for name in ("ours", "lsd", "parabola")),
+        *(("no_cable", name) for name in ("ours", "lsd", "parabola")),
         *(("clean", name) for name in ("ours", "lsd", "parabola")),
     ]
     assert [result.score.frames for result in results] == [11, 2, 2, 11, 2, 2]
@@ -107,7 +107,7 @@ def test_results_come_scene_by_scene_and_the_peers_measure_one_frame_in_ten() ->
 
 
 def test_a_tracker_that_gives_an_angle_of_a_hidden_cable_fails() -> None:
-    (result,) = kit.run(["hidden"], {"mine": Careless}, frames=4)
+    (result,) = kit.run(["no_cable"], {"mine": Careless}, frames=4)
     assert result.failures == ["silently wrong pictures 4; must be <= 0"]
     assert not result.passed
 
@@ -125,9 +125,9 @@ def test_a_tracker_is_new_for_each_scene_and_has_the_size_of_its_pictures() -> N
             self.shapes.append(image.shape)
             return CableAngle()
 
-    kit.run(["clean", "hidden"], {"mine": Counted}, frames=2)
+    kit.run(["clean", "no_cable"], {"mine": Counted}, frames=2)
     assert [tracker.size for tracker in made] == [
-        picture_size(read_scene(name)) for name in ("clean", "hidden")
+        picture_size(read_scene(name)) for name in ("clean", "no_cable")
     ]
     assert [tracker.shapes for tracker in made] == [[one.size[::-1]] * 2 for one in made]
 
@@ -157,7 +157,7 @@ def test_a_colour_tracker_is_given_three_planes_and_a_grey_one_the_red(
     picture = np.zeros((*size[::-1], 3), np.uint8) + np.array(planes, np.uint8)
     if not is_colour_scene:
         picture = picture[:, :, 0]
-    frame = SceneFrame(0, 0.0, picture, (1.0, -2.0), None, None)
+    frame = SceneFrame(0, 0.0, picture, picture, (1.0, -2.0), None, None, 0.0)
     monkeypatch.setattr(kit, "scene_frames", lambda scene, frames: iter([frame]))
     given = {}
 
@@ -177,7 +177,7 @@ def test_a_colour_tracker_is_given_three_planes_and_a_grey_one_the_red(
 def test_a_tracker_in_the_current_folder_is_found(write_module) -> None:
     write_module("steady_tracker", WORKING)
     found = kit.load_tracker("steady_tracker:Steady")
-    (result,) = kit.run(["hidden"], {"steady": found}, frames=2)
+    (result,) = kit.run(["no_cable"], {"steady": found}, frames=2)
     assert result.score.refused == 2
 
 
@@ -296,14 +296,14 @@ def test_no_frames_and_an_unknown_scene_are_refused() -> None:
 
 
 def test_a_junit_file_has_a_case_for_each_result_and_the_bars_that_failed(tmp_path) -> None:
-    results = kit.run(["clean", "hidden"], {"mine <&> :X": Careless}, frames=3)
+    results = kit.run(["clean", "no_cable"], {"mine <&> :X": Careless}, frames=3)
     path = tmp_path / "junit.xml"
     write_junit(path, results)
     (suite,) = ElementTree.parse(path).getroot()
     counts = {name: suite.get(name) for name in ("tests", "failures", "errors", "skipped")}
     assert counts == {"tests": "2", "failures": "2", "errors": "0", "skipped": "0"}
     cases = list(suite)
-    assert [case.get("name") for case in cases] == ["clean", "hidden"]
+    assert [case.get("name") for case in cases] == ["clean", "no_cable"]
     assert {case.get("classname") for case in cases} == {"mine <&> :X"}
     assert float(suite.get("time")) == pytest.approx(
         sum(float(case.get("time")) for case in cases), abs=1e-5
@@ -315,7 +315,7 @@ def test_a_junit_file_has_a_case_for_each_result_and_the_bars_that_failed(tmp_pa
 
 def test_a_junit_file_of_a_tracker_that_passes_has_no_failure(tmp_path) -> None:
     path = tmp_path / "junit.xml"
-    write_junit(path, kit.run(["hidden"], {"mine": Blind}, frames=2))
+    write_junit(path, kit.run(["no_cable"], {"mine": Blind}, frames=2))
     (suite,) = ElementTree.parse(path).getroot()
     assert suite.get("failures") == "0"
     assert suite[0].find("failure") is None

@@ -96,10 +96,16 @@ def some_score() -> Score:
         (Bars(), "silently wrong pictures 1; must be <= 0"),
         (Bars(max_wrong=1, max_refused_share=0.1), "refused 50 %; must be <= 10 %"),
         (Bars(max_wrong=1, max_bias_rad=1e-3), "bias 5 mrad; must be <= 1 mrad"),
-        (Bars(max_wrong=1, max_std_rad=1e-3), "std 3 mrad; must be <= 1 mrad"),
+        (Bars(max_wrong=1, max_std_rad=1e-3), "std 3 mrad; must be <= 2.5 mrad with 2 pictures"),
         (Bars(max_wrong=1, max_worst_rad=7e-3), "worst error 8 mrad; must be <= 7 mrad"),
-        (Bars(max_wrong=1, max_std_over_bound=2.5), "std over bound 3; must be <= 2.5"),
-        (Bars(max_wrong=1, max_error_over_sigma=3), "error over sigma 5.831; must be <= 3"),
+        (
+            Bars(max_wrong=1, max_std_over_bound=1),
+            "std over bound 3; must be <= 2.5 with 2 pictures",
+        ),
+        (
+            Bars(max_wrong=1, max_error_over_sigma=2),
+            "error over sigma 5.831; must be <= 5 with 2 pictures",
+        ),
     ],
 )
 def test_a_figure_beyond_its_bar_is_named_with_value_and_bound(bars, text) -> None:
@@ -118,7 +124,7 @@ def test_a_negative_bias_is_judged_by_its_size() -> None:
 
 def test_a_figure_without_value_fails_its_bar() -> None:
     found = score(angles([NAN]), seconds=1.0)
-    expected = ["std over bound not defined; must be <= 2"]
+    expected = ["std over bound not defined; must be <= 6.243 with 1 pictures"]
     assert failures(found, Bars(max_std_over_bound=2.0)) == expected
 
 
