@@ -75,13 +75,18 @@ class Imager:
         colour = camera.sensor.kind in ("colour", "bayer")
         self._planes = COLOUR_PLANES if colour else GREY_PLANES
 
+    @property
+    def gain(self) -> float:
+        """Gain of the sensor."""
+        return self._camera.sensor.gain
+
     def picture(
         self, states: Sequence[CableState], start_s: float, index: int
     ) -> NDArray[np.uint8]:
         """Take the picture of the states at the instants of the projector, from start_s on."""
         axis = self.projector.axis(states)
         middle = states[len(states) // 2]
-        return self._sensor.picture(self._levels(axis, middle, start_s), index)
+        return self._sensor.picture(self.levels(axis, middle, start_s), index)
 
     def truth(self, states: Sequence[CableState], start_s: float) -> PictureTruth:
         """Compute what is true in the picture of these states."""
@@ -100,7 +105,7 @@ class Imager:
         bound_rad = self._bound_rad(axis, middle, seen, start_s)
         return PictureTruth(place, count, math.atan(slope), bound_rad)
 
-    def _levels(self, axis: CableAxis | None, state: CableState, start_s: float) -> list[Image]:
+    def levels(self, axis: CableAxis | None, state: CableState, start_s: float) -> list[Image]:
         """Compute the level of light on each pixel of each plane, without noise."""
         behind, front = self._layers.at(start_s)
         screen = self._screen(start_s)
@@ -228,7 +233,7 @@ class Imager:
         change = derivative(strips, axis, self._cable)
         behind, front = self._layers.at(start_s)
         light = np.broadcast_to(self._screen(start_s), self._shape)[strips.rows, strips.columns]
-        levels = self._levels(axis, state, start_s)
+        levels = self.levels(axis, state, start_s)
         information = np.zeros(axis.mean_px.size)  # on the column of each row [1/px^2]
         for plane, level in zip(self._planes, levels, strict=True):
             backdrop = self._screen_level(plane) * light
