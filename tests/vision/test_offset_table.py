@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.interpolate import RegularGridInterpolator
 
 from vision.errors import VisionError
 from vision.geometry import PivotModel
-from vision.offset_table import TOLERANCE_M, OffsetTable
+from vision.offset_table import TOLERANCE_M, LightOffsets, OffsetTable
 
 X_M = [-0.1, 0.0, 0.15, 0.2]
 OFFSET_RAD = [0.001, 0.0, -0.002, -0.0035]
@@ -57,6 +58,48 @@ def test_a_table_that_is_no_function_of_position_is_refused(
 ) -> None:
     with pytest.raises(VisionError, match=said):
         OffsetTable(x_m, offset_rad)
+
+
+LIGHTS = [LightOffsets(60.0, [0.004, 0.003, 0.002, 0.001]), LightOffsets(180.0, OFFSET_RAD)]
+OVER_LIGHT = OffsetTable(X_M, [0.0] * 4, 100.0, LIGHTS)
+
+
+@given(x_m=st.floats(-0.1, 0.2), background=st.floats(60.0, 180.0))
+def test_between_lights_the_table_is_bilinear(x_m: float, background: float) -> None:
+    grid = np.array([LIGHTS[0].offset_rad, [0.0] * 4, OFFSET_RAD])
+    expected = RegularGridInterpolator(([60.0, 100.0, 180.0], X_M), grid)([background, x_m])
+    found = OVER_LIGHT.at(x_m, background)
+    assert found.within
+    assert found.offset_rad == pytest.approx(float(expected[0]), abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("background", "within"), [(54.5, True), (53.5, False), (197.0, True), (199.0, False)]
+)
+def test_a_light_that_was_not_calibrated_is_beyond_the_table(
+    background: float, within: bool
+) -> None:
+    assert OVER_LIGHT.at(0.0, background).within is within
+
+
+def test_a_table_of_one_light_holds_in_every_light() -> None:
+    table = OffsetTable(X_M, OFFSET_RAD, 100.0)
+    assert table.at(0.05, 3.0) == table.at(0.05, 250.0) == table.at(0.05)
+
+
+@pytest.mark.parametrize(
+    ("background", "lights", "said"),
+    [
+        (None, LIGHTS, "first without its level"),
+        (100.0, [LightOffsets(100.5, OFFSET_RAD)], "100.0 and 100.5 grey levels; must be 1 apart"),
+        (100.0, [LightOffsets(50.0, [0.0])], "4 positions and 1 offsets"),
+    ],
+)
+def test_lights_that_cannot_be_told_apart_are_refused(
+    background: float | None, lights: list[LightOffsets], said: str
+) -> None:
+    with pytest.raises(VisionError, match=said):
+        OffsetTable(X_M, OFFSET_RAD, background, lights)
 
 
 def test_the_pivot_moves_right_with_the_platform_and_stays_in_its_row() -> None:
