@@ -1,4 +1,4 @@
-# make setup | demo | test | check | format | bench: each sets up what it needs and is quick the second time.
+# make setup | demo | test | check | docs | format | bench: each sets up what it needs and is quick the second time.
 # make test-oldest: a second environment in .venv-oldest. make clean: removes both environments.
 PYTHON ?= python3.11
 VENV := .venv
@@ -9,7 +9,7 @@ ROOMS := comms planners vision sim_rig rig
 SHORT :=
 THREADS := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
 
-.PHONY: setup demo test test-oldest wheel check format bench endurance mutants clean
+.PHONY: setup demo test test-oldest wheel check docs format bench endurance mutants clean
 
 setup: $(READY)
 
@@ -56,6 +56,11 @@ check: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/mypy $(ROOMS)
 	$(BIN)/lint-imports
+
+# pages that are generated: the wire, and the scenes with their pictures
+docs: $(READY)
+	$(BIN)/python -m comms.wire_page > docs/wire.md
+	$(BIN)/python -m rig.studies.vision.scene_page docs
 
 format: $(READY)
 	$(BIN)/ruff format .

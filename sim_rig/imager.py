@@ -265,7 +265,8 @@ def _slope_bound(rows: FloatArray, information: FloatArray) -> float:
     if total <= 0.0:
         return math.inf
     spread = rows - float(information @ rows) / total
-    return float(np.reciprocal(np.sqrt(information @ spread**2)))
+    inertia = float(information @ spread**2)
+    return 1.0 / math.sqrt(inertia) if inertia > 0.0 else math.inf
 
 
 def _bell(distance_px: FloatArray, radius_px: float) -> Image:

@@ -24,10 +24,7 @@ class Sensor:
         self._noise = camera.noise
         self._shape = shape
         self._seed = seed
-        size = max(BANK_SIZE, 2 * shape[0] * shape[1])
-        self._bank: Image = np.zeros(0, np.float32)
-        if self.is_noisy:
-            self._bank = np.random.default_rng(seed).standard_normal(size, dtype=np.float32)
+        self._bank: Image | None = None  # drawn for the first picture
         self._gamma: Picture | None = None
         if camera.sensor.gamma != 1.0:
             levels = np.arange(FULL_SCALE * FINE_STEPS + 1) / (FULL_SCALE * FINE_STEPS)
@@ -81,8 +78,7 @@ class Sensor:
         """Add the noise, amplify and round."""
         sensor = self._sensor
         if self.is_noisy:
-            first = int(random.integers(self._bank.size - level.size))
-            noise = self._bank[first : first + level.size].reshape(level.shape)
+            noise = self._normal(random)
             if sensor.shot:
                 variance = np.maximum(level, 0.0) * np.float32(sensor.shot)
                 variance += np.float32(self._noise**2)
@@ -98,6 +94,15 @@ class Sensor:
         fine = np.rint(np.clip(level * scale, 0.0, FULL_SCALE * FINE_STEPS))
         digital: Picture = self._gamma.take(fine.astype(np.int32))
         return digital
+
+    def _normal(self, random: np.random.Generator) -> Image:
+        """Take normal random numbers (height, width) from a random place in the bank."""
+        pixels = self._shape[0] * self._shape[1]
+        if self._bank is None:
+            size = max(BANK_SIZE, 2 * pixels)
+            self._bank = np.random.default_rng(self._seed).standard_normal(size, dtype=np.float32)
+        first = int(random.integers(self._bank.size - pixels))
+        return self._bank[first : first + pixels].reshape(self._shape)
 
     def _processed(self, picture: Picture) -> Picture:
         """Filter and compress the picture as the camera does."""

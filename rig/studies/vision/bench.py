@@ -22,7 +22,6 @@ class CameraFrame(NamedTuple):
     t_s: float  # middle of the exposure of the first row, from the release of the load
     angle_rad: float  # true angle of the first link in the plane of the camera at that instant
     pixels: Any  # (height, width), or (height, width, 3) blue, green, red
-    colour: Any  # (height, width, 3) as a video shows it
     truth: PictureTruth  # in the picture
 
 
@@ -52,6 +51,11 @@ def rate_hz(plant: BenchParams, number: int) -> float:
     return plant.rate_hz(plant.cameras[number])
 
 
+def colour_planes(plant: BenchParams, number: int) -> ColourPlanes:
+    """Make what turns pictures of a camera into those of a colour video."""
+    return ColourPlanes(plant, number)
+
+
 def camera_frames(
     plant: BenchParams,
     seconds: float,
@@ -63,7 +67,6 @@ def camera_frames(
     motion: position of the platform at a time, at rest without it.
     """
     imager = Imager(plant, number)
-    planes = ColourPlanes(plant, number)
     across = plant.cameras[number].plane == "y"
     for frame in swinging_video(plant, seconds, number, motion):
         exposure = frame.exposure
@@ -72,6 +75,5 @@ def camera_frames(
             frame.t_s,
             frame.angle_y_rad if across else frame.angle_rad,
             exposure.pixels,
-            planes.colour(exposure.pixels, frame.number),
             imager.truth(exposure.states, exposure.true_start_ns * 1e-9),
         )

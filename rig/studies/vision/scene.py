@@ -72,7 +72,6 @@ class SceneFrame(NamedTuple):
     number: int  # from 0; a dropped one is missing
     t_s: float  # middle of the exposure of the first row, from the release of the load
     picture: NDArray[np.uint8]  # (height, width), or (height, width, 3) blue, green, red
-    colour: NDArray[np.uint8]  # (height, width, 3) as a video shows it
     pivot_px: tuple[float, float]  # upper end of the cable as it is given to a tracker
     # slope angle of the straight line through the axis of the cable; None where it is not seen
     angle_rad: float | None
@@ -169,12 +168,16 @@ def scene_frames(scene: Scene, frames: int) -> Iterator[SceneFrame]:
             frame.number,
             frame.t_s,
             frame.pixels,
-            frame.colour,
             (x + error_x, y + error_y),
             frame.truth.angle_rad,
             frame.truth.bound_rad,
             frame.angle_rad,
         )
+
+
+def colour_planes(scene: Scene) -> Any:
+    """Make what turns pictures into those of a colour video: colour(picture, number of frame)."""
+    return bench.colour_planes(scene.plant, scene.section.camera - 1)
 
 
 def picture_size(scene: Scene) -> tuple[int, int]:

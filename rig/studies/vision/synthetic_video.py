@@ -14,7 +14,14 @@ from rig.errors import ConfigError
 from rig.run.config import Experiment
 from rig.studies.vision import bench
 from rig.studies.vision.matroska import MatroskaWriter
-from rig.studies.vision.scene import Scene, SceneFrame, SceneSection, picture_size, scene_frames
+from rig.studies.vision.scene import (
+    Scene,
+    SceneFrame,
+    SceneSection,
+    colour_planes,
+    picture_size,
+    scene_frames,
+)
 from rig.studies.vision.stamps import Stamps, is_kept, stamp_s
 
 CODECS = {".avi": "FFV1", ".mkv": "FFV1", ".mp4": "mp4v"}  # FFV1 is lossless
@@ -74,8 +81,9 @@ def write_video(scene: Scene, frames: int, files: VideoFiles, progress: Progress
             with new_truth.open("w", newline="") as file:
                 rows = csv.writer(file)
                 rows.writerow(COLUMNS)
+                planes = colour_planes(scene)
                 for frame, t_s in _stamped_frames(scene, frames, files.stamps):
-                    writer.add(t_s, frame.colour)
+                    writer.add(t_s, planes.colour(frame.picture, frame.number))
                     rows.writerow(_row(written, t_s, frame))
                     written += 1
                     progress(frame.number + 1)

@@ -157,7 +157,7 @@ def test_a_colour_tracker_is_given_three_planes_and_a_grey_one_the_red(
     picture = np.zeros((*size[::-1], 3), np.uint8) + np.array(planes, np.uint8)
     if not is_colour_scene:
         picture = picture[:, :, 0]
-    frame = SceneFrame(0, 0.0, picture, picture, (1.0, -2.0), None, None, 0.0)
+    frame = SceneFrame(0, 0.0, picture, (1.0, -2.0), None, None, 0.0)
     monkeypatch.setattr(kit, "scene_frames", lambda scene, frames: iter([frame]))
     given = {}
 
