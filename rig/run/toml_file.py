@@ -173,7 +173,8 @@ def _explain(message: str, data: Any, kind: type, section: str) -> str:
     unknown = re.search(r"unknown field `(.+)`", what)
     missing = re.search(r"missing required field `(.+)`", what)
     if unknown:
-        known = [field.encode_name for field in msgspec.structs.fields(_type_at(kind, inner))]
+        struct = _type_at(kind, inner, data)
+        known = [field.encode_name for field in msgspec.structs.fields(struct)]
         hint = nearest(unknown[1], known)
         return (
             f"[{'.'.join(keys)}] {unknown[1]}: unknown key{hint}; known keys: {', '.join(known)}"
@@ -185,9 +186,11 @@ def _explain(message: str, data: Any, kind: type, section: str) -> str:
         # error of a whole table, raised by the struct that it becomes
         return f"[{'.'.join(keys)}] {what}".removeprefix("[] ")
     if "enum" in what:
-        allowed = get_args(_type_at(kind, inner))
+        allowed = get_args(_type_at(kind, inner, data))
         names = [one for one in allowed if isinstance(one, str)]  # others are numbers
         what = f"must be one of {', '.join(map(repr, allowed))}{nearest(str(value), names)}"
+    if what.startswith("Invalid value") and (tags := _tags(_type_at(kind, inner[:-1], data))):
+        what = f"must be one of {', '.join(tags)}{nearest(str(value), tags)}"
     where = f"[{'.'.join(keys[:-1])}] {keys[-1]}" if keys else "the file"
     problem = f"{what[0].lower()}{what[1:]}{_unit_hint(keys, value)}"
     return f"{where} = {value!r}: {problem}; correct the value".removeprefix("[] ")
@@ -202,10 +205,33 @@ def _unit_hint(keys: list[str], value: Any) -> str:
     return f"; it {advice}" if advice else ""
 
 
-def _type_at(kind: Any, keys: list[str]) -> Any:
+def _type_at(kind: Any, keys: list[str], data: Any) -> Any:
+    """Find the type at a place; of a union of structs, the one that the data name by their tag."""
     for key in keys:
         kind = _member_type(kind, key)
+        data = _value_at(data, [key])
+        tag_field = next(iter(_tagged(kind)), None)
+        if tag_field is not None and isinstance(data, dict):
+            named = [part for part in get_args(kind) if _tag(part) == data.get(tag_field)]
+            kind = named[0] if named else kind
     return kind
+
+
+def _tagged(kind: Any) -> list[str]:
+    """List the names of the tags of a union of structs; [] of another type."""
+    parts = [part for part in get_args(kind) if _tag(part) is not None]
+    return [part.__struct_config__.tag_field for part in parts]
+
+
+def _tags(kind: Any) -> list[str]:
+    """List the values of the tag of a union of structs."""
+    return [str(_tag(part)) for part in get_args(kind) if _tag(part) is not None]
+
+
+def _tag(kind: Any) -> Any:
+    """Return the tag of a struct; None of another type."""
+    is_struct = isinstance(kind, type) and issubclass(kind, msgspec.Struct)
+    return kind.__struct_config__.tag if is_struct else None
 
 
 def _member_type(kind: Any, key: str) -> Any:
