@@ -14,7 +14,7 @@ MAX_DAMAGED_SHARE = 0.5  # of the rows
 
 
 class FrameFault(NamedTuple):
-    """What happens to one frame."""
+    """Faults of one frame."""
 
     is_dropped: bool = False
     is_repeated: bool = False

@@ -36,7 +36,7 @@ MIN_SEEN_ROWS = 8
 
 
 class PictureTruth(NamedTuple):
-    """What is true in a picture without noise."""
+    """Truth in a picture without noise."""
 
     pivot_px: tuple[float, float]
     rows: int  # with a visible cable

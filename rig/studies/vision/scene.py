@@ -88,12 +88,12 @@ class Scene(NamedTuple):
 
     @property
     def about(self) -> str:
-        """What is special."""
+        """Special property of the scene."""
         return self.section.about
 
     @property
     def expect(self) -> Expect:
-        """What a tracker must do."""
+        """Required result of a tracker."""
         return self.section.expect
 
     @property

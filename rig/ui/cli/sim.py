@@ -61,7 +61,9 @@ def sim(
     ] = 10.0,
     frames: Annotated[
         int | None,
-        typer.Option(min=1, max=180_000, help="Number of frames rendered; by default that of the scene."),
+        typer.Option(
+            min=1, max=180_000, help="Number of frames rendered; by default that of the scene."
+        ),
     ] = None,
     stamps: Annotated[
         Stamps | None,
