@@ -44,7 +44,11 @@ class SimulatedPlant(Protocol):
 
     @property
     def cable_points_m(self) -> list[Vector]:
-        """Points of the cable relative to the platform, from it down."""
+        """Points of a cable that vibrates, from the platform down; [] of a straight one."""
+
+    @property
+    def link_lengths_m(self) -> list[float]:
+        """Present lengths of the links."""
 
     @property
     def links(self) -> list[LinkState]:
@@ -125,8 +129,13 @@ class Bench:
 
     @property
     def cable_points_m(self) -> list[Vector]:
-        """Points of the cable relative to the platform, from it down."""
+        """Points of a cable that vibrates, from the platform down; [] of a straight one."""
         return self._load.points_m
+
+    @property
+    def link_lengths_m(self) -> list[float]:
+        """Present lengths of the links, from the platform down."""
+        return self._load.lengths_m
 
     @property
     def links(self) -> list[LinkState]:

@@ -28,13 +28,10 @@ class FrameFaults:
     def __init__(self, faults: CameraFaults, seed: tuple[int, ...]) -> None:
         self._faults = faults
         self._seed = seed
-        self._is_perfect = faults == CameraFaults()
         self._last: Picture | None = None
 
     def at(self, number: int, t_s: float) -> FrameFault:
         """Draw the faults of frame number, taken at t_s."""
-        if self._is_perfect:
-            return FrameFault()
         faults = self._faults
         dropped, duplicated, damaged = np.random.default_rng((*self._seed, number)).random(3)
         is_frozen = any(part.from_s <= t_s < part.to_s for part in faults.frozen)
@@ -54,8 +51,6 @@ class FrameFaults:
 
         The upper part of the band is shifted to the side, the lower one holds noise.
         """
-        if self._is_perfect:
-            return picture
         self._last = picture
         if not fault.is_damaged:
             return picture

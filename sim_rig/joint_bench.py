@@ -58,6 +58,11 @@ class JointBench:
         return []
 
     @property
+    def link_lengths_m(self) -> list[float]:
+        """Nothing hangs on the joint."""
+        return []
+
+    @property
     def links(self) -> list[LinkState]:
         """Load at the output shaft, as one link."""
         truth = self._joint.truth()

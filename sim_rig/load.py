@@ -12,7 +12,7 @@ from sim_rig.params import BenchParams, PendulumParams
 from sim_rig.pendulum import Pendulum
 from sim_rig.spatial_chain import LoadEvent, SpatialChain, slack_text
 from sim_rig.spatial_pendulum import SpatialPendulum
-from sim_rig.vectors import Vector, plus, scaled
+from sim_rig.vectors import Vector
 from sim_rig.vibrating_pendulum import VibratingPendulum
 
 # speed across the plane that is neglected: a swing of at most 10 urad of a load of 1 m
@@ -48,24 +48,18 @@ class Load:
         return [LinkState(plane.angle_rad, 0.0, plane.angular_velocity_rad_s, 0.0)]
 
     @property
-    def points_m(self) -> list[Vector]:
-        """Points of the cable relative to the platform, from it down.
+    def lengths_m(self) -> list[float]:
+        """Present lengths of the links."""
+        if self._plane is None and isinstance(self._space, HoistedPendulum):
+            return [self._space.length_m]
+        return self._lengths_m
 
-        The ends of the links; of a cable that vibrates, many points.
-        """
-        if self._plane is not None:
-            angle_rad, length_m = self._plane.angle_rad, self._lengths_m[0]
-            end = (length_m * math.sin(angle_rad), 0.0, -length_m * math.cos(angle_rad))
-            return [(0.0, 0.0, 0.0), end]
-        if isinstance(self._space, VibratingPendulum):
+    @property
+    def points_m(self) -> list[Vector]:
+        """Points of a cable that vibrates, relative to the platform; [] of a straight one."""
+        if self._plane is None and isinstance(self._space, VibratingPendulum):
             return self._space.points_m
-        lengths_m = self._lengths_m
-        if isinstance(self._space, HoistedPendulum):
-            lengths_m = [self._space.length_m]
-        points: list[Vector] = [(0.0, 0.0, 0.0)]
-        for unit, length_m in zip(self._space.directions, lengths_m, strict=True):
-            points.append(plus(points[-1], scaled(unit, length_m)))
-        return points
+        return []
 
     @property
     def angle_rad(self) -> float:

@@ -61,7 +61,7 @@ class PlainImager:
 
     def _project(self, state: CableState) -> Cable | None:
         """Project the cable; a straight one to a line."""
-        if len(state.points_m) > 2:
+        if state.bent_m or len(state.links) > 1:
             return self._pinhole.curve(state.position_m, state.points_m)
         link = state.links[0]
         return self._pinhole.line(state.position_m, link.angle_x_rad, link.angle_y_rad)

@@ -55,6 +55,7 @@ class StripTable(NamedTuple):
     last: int  # largest k
 
 
+@functools.lru_cache(maxsize=512)
 def half_width_px(cable: CableShape, cos_tilt: float) -> int:
     """Compute half the width of the profile [px], for a cable tilted by acos(cos_tilt).
 

@@ -33,6 +33,7 @@ class Renderer:
         self._exact = exact + np.float32(0.5)  # the conversion to uint8 then rounds
         self._screens = self._exact.astype(np.uint8)
         self._rows = np.arange(view.height)
+        self._numbers = self._rows.astype(np.float64)
         self._dither = self._rows * DITHER_STEP % 1.0
 
     def picture(
@@ -64,16 +65,23 @@ class Renderer:
         """Compute the range of the cable axis on each row: (2, R) [column phases], ascending."""
         mean_px, range_px = self._axis_px(start, middle, end, rows)
         sweep = np.empty((2, len(range_px)), np.int64)
-        span = np.floor(np.maximum(np.abs(range_px) * PHASES, 1.0) + 0.5)
-        sweep[0] = np.floor(mean_px * PHASES - 0.5 * span + self._dither[rows])
-        sweep[1] = sweep[0] + span
+        span = np.abs(range_px)
+        span *= PHASES
+        np.maximum(span, 1.0, out=span)
+        np.rint(span, out=span)
+        first = mean_px * PHASES
+        first -= 0.5 * span
+        first += self._dither[rows]
+        sweep[0] = np.floor(first, out=first)
+        first += span
+        sweep[1] = first
         return sweep
 
     def _axis_px(
         self, start: Cable, middle: Cable, end: Cable, rows: slice
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Compute mean and range of the column of the cable on each row [px], each (R,)."""
-        numbers = self._rows[rows].astype(np.float64)
+        numbers = self._numbers[rows]
         if (
             isinstance(start, CableLine)
             and isinstance(middle, CableLine)

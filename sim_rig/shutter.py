@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from sim_rig.bench import SimulatedPlant
 from sim_rig.cable_state import CableState
+from sim_rig.camera_params import CameraFaults
 from sim_rig.frame_faults import FrameFaults
 from sim_rig.params import BenchParams
 from sim_rig.plain_imager import PlainImager, is_plain
@@ -70,16 +71,21 @@ class Shutter:
         self._camera = camera
         self._period_ns = round(1e9 / rate_hz)
         self._imager = _imager(params, number)
-        self._faults = FrameFaults(camera.faults, (params.seed, number, 3))
+        self._instants_ns = self._imager.instants_ns
+        # the next exposure may begin before the end of this one
+        self._overlaps = bool(self.row_ns or camera.jitter_us)
+        self._faults: FrameFaults | None = None
+        if camera.faults != CameraFaults():
+            self._faults = FrameFaults(camera.faults, (params.seed, number, 3))
         self._jitter = np.random.default_rng((params.seed, number, 4))
         self.begin(t_ns)
 
     def begin(self, t_ns: int) -> None:
         """Set the start of the first exposure: the first multiple of the frame period from t_ns."""
         self._origin_ns = t_ns
-        self._open: list[OpenExposure] = []  # by age; a rolling shutter may have two
-        self.next_ns = t_ns
-        self._open_next(0, t_ns + -t_ns % self._period_ns)
+        first = self._opened(0, t_ns + -t_ns % self._period_ns)
+        self._open = [first]  # by age; a rolling shutter may have two
+        self.next_ns = first.true_start_ns
 
     @property
     def closes_ns(self) -> int:
@@ -96,37 +102,46 @@ class Shutter:
 
         Its last sample gives the exposure with its image, unless the camera drops it.
         """
-        at = next(item for item in self._open if self._due_ns(item) == self.next_ns)
-        at.states.append(CableState.of(bench))
-        if len(at.states) == 1:
-            self._open_next(at.number + 1, at.start_ns + self._period_ns)
+        item = self._open[0]
+        if len(self._open) > 1 and self._due_ns(item) != self.next_ns:
+            item = self._open[1]
+        item.states.append(CableState.of(bench))
         exposure = None
-        if len(at.states) == len(self._imager.instants_ns):
-            self._open.remove(at)
-            exposure = self._expose(at)
-        self.next_ns = min(map(self._due_ns, self._open))
+        if self._overlaps and len(item.states) == 1:
+            self._open.append(self._opened(item.number + 1, item.start_ns + self._period_ns))
+        if len(item.states) == len(self._instants_ns):
+            if not self._overlaps:
+                self._open.append(self._opened(item.number + 1, item.start_ns + self._period_ns))
+            self._open.remove(item)
+            exposure = self._expose(item)
+        self.next_ns = self._due_ns(self._open[0])
+        if len(self._open) > 1:
+            self.next_ns = min(self.next_ns, self._due_ns(self._open[1]))
         return exposure
 
-    def _open_next(self, number: int, start_ns: int) -> None:
+    def _opened(self, number: int, start_ns: int) -> OpenExposure:
         delay_ns = 0
         if self._camera.jitter_us:
             delay_ns = round(abs(self._jitter.normal(0.0, self._camera.jitter_us * 1e3)))
             delay_ns = min(delay_ns, round(MAX_JITTER_SHARE * self._period_ns))
-        self._open.append(OpenExposure(number, start_ns, start_ns + delay_ns, []))
-        self.next_ns = min(map(self._due_ns, self._open))
+        return OpenExposure(number, start_ns, start_ns + delay_ns, [])
 
     def _due_ns(self, item: OpenExposure) -> int:
         """Return the instant of the next sample of an exposure."""
-        return item.true_start_ns + self._imager.instants_ns[len(item.states)]
+        return item.true_start_ns + self._instants_ns[len(item.states)]
 
     def _expose(self, item: OpenExposure) -> Exposure | None:
         start_s = (item.true_start_ns - self._origin_ns) * 1e-9
-        fault = self._faults.at(item.number, start_s)
-        if fault.is_dropped:
-            return None
-        picture = self._faults.repeated(fault)
-        if picture is None:
+        if self._faults is None:
             picture = self._imager.picture(item.states, start_s, item.number)
+        else:
+            fault = self._faults.at(item.number, start_s)
+            if fault.is_dropped:
+                return None
+            repeated = self._faults.repeated(fault)
+            if repeated is None:
+                repeated = self._imager.picture(item.states, start_s, item.number)
+            picture = self._faults.damaged(fault, repeated)
         return Exposure(
             item.number,
             item.start_ns,
@@ -134,7 +149,7 @@ class Shutter:
             self.row_ns,
             self._readout_ns,
             self._camera.name,
-            self._faults.damaged(fault, picture),
+            picture,
             item.states,
             item.true_start_ns,
         )

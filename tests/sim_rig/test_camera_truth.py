@@ -122,7 +122,7 @@ def test_a_rolling_shutter_bends_the_cable_by_the_way_it_goes_meanwhile() -> Non
         angle = 0.1 + rate_rad_s * instant_s
         end = (math.sin(angle), 0.0, -math.cos(angle))
         state = frame.exposure.states[0]
-        states.append(state._replace(points_m=[(0.0, 0.0, 0.0), end]))
+        states.append(state._replace(bent_m=[(0.0, 0.0, 0.0), end]))
     axis = imager.projector.axis(states)
     assert axis is not None
     seen_s = axis.rows * 33.3e-6
