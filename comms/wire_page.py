@@ -55,8 +55,8 @@ is not from the sender of the channel as foreign; both stand outside the sum.
 A message with links has one group of values for each link, the link at the platform first, behind
 its other values; their number follows from the length of the datagram. Values of joints are in m
 or rad by `space`; those beyond `count` are 0, and those in metres have the bounds of a position and
-of a velocity. An angle sample is `valid` if it has links.For camera k, the platform goes to
-its vision task on `platform_k`, the pictures go on `frame_k`, the angles on `angle_k`. A run has
+of a velocity. An angle sample is `valid` if it has links. For camera k, the platform goes to its
+vision task on `platform_k`, the pictures go on `frame_k`, the angles on `angle_k`. A run has
 the channels between its tasks: those of cameras 2 and 3 with `vision_2` and `vision_3`, those of
 the field bus with `drive`.
 

@@ -29,6 +29,7 @@ from rig.run.toml_file import (
     override,
     read_toml,
 )
+from rig.run.vision_section import Pixel as Pixel
 from rig.run.vision_section import VisionSection
 
 Positive = Annotated[float, Meta(gt=0, le=1e6)]
