@@ -72,3 +72,9 @@ class CompressedImage(msgspec.Struct, frozen=True, kw_only=True):
 
 
 Record = Receipts | TaskTiming | LinkRow | Event
+
+
+def picture_topic(channel: str) -> str:
+    """Name the topic of the pictures of a channel of frames; the first camera has no number."""
+    camera = channel.removeprefix("frame_")
+    return "/camera/image" if camera == "1" else f"/camera_{camera}/image"

@@ -30,7 +30,7 @@ class TaskOutput:
         }
         self._outbox = Outbox()
         self._operator_counts: dict[str, LinkCount] = {}  # of channels to the operator
-        self._picture_ns = 0  # end of exposure of the next picture for the log
+        self._picture_ns: dict[str, int] = {}  # by channel: end of exposure of the next in the log
 
     @property
     def due_ns(self) -> int | None:
@@ -86,7 +86,7 @@ class TaskOutput:
             self._outbox.add(due_ns, sender, direct)
 
     def _send_picture(self, channel: str, frame: Frame, data: bytes) -> None:
-        """Send a frame with its pixels to the log, at most pictures_hz times a second."""
-        if self._wiring.pictures_hz > 0 and frame.t_ns >= self._picture_ns:
-            self._picture_ns = frame.t_ns + round(1e9 / self._wiring.pictures_hz)
+        """Send a frame with its pixels to the log, at most pictures_hz times a second a camera."""
+        if self._wiring.pictures_hz > 0 and frame.t_ns >= self._picture_ns.get(channel, 0):
+            self._picture_ns[channel] = frame.t_ns + round(1e9 / self._wiring.pictures_hz)
             self._bus.picture(channel, data, frame.pixels.tobytes())

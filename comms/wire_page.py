@@ -12,7 +12,7 @@ from comms.channels import CHANNELS, Channel
 from comms.codec import CRC, HEADER, MAGIC, VERSION, Reject, length, link_length
 from comms.layouts import LAYOUTS, Bound, bounds, group_bounds
 from comms.link import WINDOW_PACKETS
-from comms.messages import InvalidReason, Phase, Space, SwingPlane
+from comms.messages import InvalidReason, Message, Phase, Space, SwingPlane
 
 HEAD = """# The wire
 
@@ -55,8 +55,10 @@ is not from the sender of the channel as foreign; both stand outside the sum.
 A message with links has one group of values for each link, the link at the platform first, behind
 its other values; their number follows from the length of the datagram. Values of joints are in m
 or rad by `space`; those beyond `count` are 0, and those in metres have the bounds of a position and
-of a velocity. An angle sample is `valid` if it has links. The platform of camera k goes to its
-vision task on `platform_k`, its pictures on `frame_k`, its angles on `angle_k`.
+of a velocity. An angle sample is `valid` if it has links. For camera k, the platform goes to its
+vision task on `platform_k`, the pictures go on `frame_k`, the angles on `angle_k`. A run has
+the channels between its tasks: those of cameras 2 and 3 with `vision_2` and `vision_3`, those of
+the field bus with `drive`.
 
 A frame is sent over ZeroMQ push/pull in two parts: the datagram, then height x width (x 3 for
 `bgr8`) bytes of pixels. Commands and replies are JSON over ZeroMQ; their fields are in
@@ -89,7 +91,7 @@ def page() -> str:
         "|---|---|---|---|---|---|---|---|---|",
     ]
     rows += [_row(name, c) for name, c in CHANNELS.items()]
-    payloads = [_payload(name, c) for name, c in CHANNELS.items() if c.message in LAYOUTS]
+    payloads = [_payload(message) for message in LAYOUTS]
     return HEAD + "\n".join(rows) + "\n" + DATAGRAM + "\n".join(payloads)
 
 
@@ -109,18 +111,20 @@ def _row(name: str, c: Channel) -> str:
     return "| " + " | ".join(map(str, cells)) + " |"
 
 
-def _payload(name: str, c: Channel) -> str:
-    about = (c.message.__doc__ or "").splitlines()[0]
-    size = f"{length(name)} bytes"
-    layout = LAYOUTS[c.message]
+def _payload(message: type[Message]) -> str:
+    """Describe the payload of a message, which is that of all its channels."""
+    about = (message.__doc__ or "").splitlines()[0]
+    names = [name for name, c in CHANNELS.items() if c.message is message]
+    size = f"{length(names[0])} bytes"
+    layout = LAYOUTS[message]
     if layout.group:
-        size += f" and {link_length(name)} bytes a link, at most {layout.group.most} links"
-    lines = [f"### {name}: {c.message.__name__}, {size}", "", about, ""]
-    lines += [*FIELDS, *_rows(bounds(c.message), layout.format)]
+        size += f" and {link_length(names[0])} bytes a link, at most {layout.group.most} links"
+    lines = [f"### {message.__name__}: {size}", "", f"{about} Channels: {', '.join(names)}.", ""]
+    lines += [*FIELDS, *_rows(bounds(message), layout.format)]
     if layout.group:
         kind = layout.group.kind
         lines += ["", f"Each link: {(kind.__doc__ or '').splitlines()[0]}", ""]
-        lines += [*FIELDS, *_rows(group_bounds(c.message), layout.group.format)]
+        lines += [*FIELDS, *_rows(group_bounds(message), layout.group.format)]
     return "\n".join(lines) + "\n"
 
 

@@ -1,4 +1,4 @@
-"""Vision task: averaged cable angle with time stamp, from frames and platform positions."""
+"""Vision task of one camera: averaged cable angle with time stamp, from frames and positions."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import NamedTuple
 import cv2
 import msgspec
 
+from comms.channels import vision_task
 from comms.messages import (
     AngleSample,
     Command,
@@ -34,8 +35,13 @@ MAX_GAP_PERIODS = 1.5  # between two time stamps; beyond, a frame is missing
 
 
 class VisionSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Settings of the task. Without offset table (x_m, offset_rad empty) the offset is 0."""
+    """Settings of the task. Without offset table (x_m, offset_rad empty) the offset is 0.
 
+    x_m, and the pivot over the platform, are on the axis of the swing plane.
+    """
+
+    camera: int = 1  # its number, of the channels and of the task
+    swing_plane: SwingPlane = SwingPlane.X
     width: int
     height: int
     period_ns: int  # of the frames
@@ -49,20 +55,21 @@ class VisionSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
 
 
 class PlatformPoint(NamedTuple):
-    """Position and velocity of the platform along X."""
+    """Position and velocity of the platform on the axis of the swing plane."""
 
     t_ns: int
-    x_m: float
+    place_m: float
     v_m_s: float
 
 
 class VisionTask:
     """Task (comms.task.Task) that sends one AngleSample for each frame, valid or not."""
 
-    name = "vision"
-
     def __init__(self, settings: VisionSettings) -> None:
+        self.name = vision_task(settings.camera)
         self._settings = settings
+        self._channel = f"angle_{settings.camera}"
+        self._axis = 0 if settings.swing_plane is SwingPlane.X else 1  # of a position
         self._tracker = Tracker(settings.width, settings.height)
         self._pivot = PivotModel(home_px=settings.pivot_home_px, pixels_per_m=settings.pixels_per_m)
         self._offsets: OffsetTable | None = None
@@ -81,13 +88,13 @@ class VisionTask:
         return NO_STEP
 
     def on_message(self, channel: str, message: Message, t_ns: int) -> Step:
-        """Process a message of `platform_1`, `frame_1` or `command`; ignore all others."""
+        """Process a platform position, a frame or a command; ignore all others."""
         match message:
             case RobotState():
                 self._store_platform(message)
             case Frame():
                 at_ns = t_ns + self._settings.processing_ns
-                return Step((Send("angle_1", self._sample(message, at_ns), at_ns),))
+                return Step((Send(self._channel, self._sample(message, at_ns), at_ns),))
             case Command():
                 # always in phase RUNNING: the task measures from start to exit
                 return Step((self._replies.answer(message, Phase.RUNNING, t_ns),))
@@ -104,15 +111,15 @@ class VisionTask:
     def _store_platform(self, state: RobotState) -> None:
         if self._platform and state.t_actual_ns <= self._platform[-1].t_ns:
             return  # older than the newest sample
-        self._platform.append(
-            PlatformPoint(state.t_actual_ns, state.actual_m[0], state.actual_velocity_m_s[0])
-        )
+        place_m = state.actual_m[self._axis]
+        v_m_s = state.actual_velocity_m_s[self._axis]
+        self._platform.append(PlatformPoint(state.t_actual_ns, place_m, v_m_s))
 
     def _sample(self, frame: Frame, at_ns: int) -> AngleSample:
         middle_ns = frame.t_exposure_start_ns + frame.exposure_ns // 2
-        x_m = self._platform_at(middle_ns)
-        fit, reason = self._measure(frame, x_m)
-        offset = self._offset_at(x_m or 0.0)
+        place_m = self._platform_at(middle_ns)
+        fit, reason = self._measure(frame, place_m)
+        offset = self._offset_at(place_m or 0.0)
         if reason is InvalidReason.NONE and not offset.within:
             reason = InvalidReason.OUT_OF_RANGE
         t_valid_ns = middle_ns
@@ -126,7 +133,7 @@ class VisionTask:
                 sigma_rad=mean.sigma_rad,
                 raw_rad=fit.angle_rad,
                 offset_rad=offset.offset_rad,
-                joint_px=self._joint_px(x_m or 0.0, fit),
+                joint_px=self._joint_px(place_m or 0.0, fit),
             )
             links = (cable,)
         else:
@@ -136,10 +143,10 @@ class VisionTask:
             seq=self._angles_sent - 1,
             t_ns=at_ns,
             t_valid_ns=t_valid_ns,
-            swing_plane=SwingPlane.X,
+            swing_plane=self._settings.swing_plane,
             valid=bool(links),
             reason=reason,
-            platform_m=x_m,
+            platform_m=place_m,
             rows=fit.rows,
             residual_px=fit.residual_px,
             pivot_miss_px=fit.pivot_miss_px,
@@ -148,12 +155,12 @@ class VisionTask:
             links=links,
         )
 
-    def _joint_px(self, x_m: float, fit: Fit) -> tuple[float, float]:
+    def _joint_px(self, place_m: float, fit: Fit) -> tuple[float, float]:
         """Locate the upper end of the cable: on the fitted line, in the row of the pivot."""
-        column_px, row_px = self._pivot.pivot_px(x_m)
+        column_px, row_px = self._pivot.pivot_px(place_m)
         return column_px + (fit.pivot_miss_px or 0.0), row_px
 
-    def _measure(self, frame: Frame, x_m: float | None) -> tuple[Fit, InvalidReason]:
+    def _measure(self, frame: Frame, place_m: float | None) -> tuple[Fit, InvalidReason]:
         """Measure the angle of a frame; the tracker restarts after a frame it cannot use."""
         shape: tuple[int, ...] = self._settings.height, self._settings.width
         if frame.encoding == "bgr8":
@@ -162,16 +169,16 @@ class VisionTask:
             self._tracker.forget()
             return Fit(), InvalidReason.BAD_IMAGE
         red = red_plane(frame.pixels)
-        if x_m is None:
+        if place_m is None:
             self._tracker.forget()
             levels = grey_levels(red)
             fit = Fit(background=levels.background, saturation=levels.saturation)
             return fit, InvalidReason.NO_PLATFORM
-        fit = self._tracker.measure(red, self._pivot.pivot_px(x_m))
+        fit = self._tracker.measure(red, self._pivot.pivot_px(place_m))
         return fit, InvalidReason(fit.reason.value)
 
     def _platform_at(self, t_ns: int) -> float | None:
-        """Interpolate X of the platform at t_ns [m].
+        """Interpolate the place of the platform at t_ns [m].
 
         Cubic Hermite between samples, constant velocity outside; None farther than
         max_extrapolation_ns from all samples.
@@ -186,10 +193,10 @@ class VisionTask:
         if before and after:
             return _hermite(before[-1], after[0], t_ns)
         nearest = before[-1] if before else after[0]
-        return nearest.x_m + nearest.v_m_s * (t_ns - nearest.t_ns) / NS_PER_S
+        return nearest.place_m + nearest.v_m_s * (t_ns - nearest.t_ns) / NS_PER_S
 
-    def _offset_at(self, x_m: float) -> Offset:
-        return self._offsets.at(x_m) if self._offsets else Offset(0.0, within=True)
+    def _offset_at(self, place_m: float) -> Offset:
+        return self._offsets.at(place_m) if self._offsets else Offset(0.0, within=True)
 
     def _readout_delay_ns(self, frame: Frame) -> int:
         """Compute the delay of the angle after the exposure of row 0, for a rolling shutter [ns].
@@ -203,9 +210,9 @@ def _hermite(a: PlatformPoint, b: PlatformPoint, t_ns: int) -> float:
     """Evaluate the cubic through both positions and velocities at a.t_ns <= t_ns <= b.t_ns [m]."""
     h = (b.t_ns - a.t_ns) / NS_PER_S
     s = (t_ns - a.t_ns) / NS_PER_S / h
-    rise = b.x_m - a.x_m
+    rise = b.place_m - a.place_m
     bend = (1.0 - s) * (h * a.v_m_s - rise) - s * (h * b.v_m_s - rise)
-    return a.x_m + s * rise + s * (1.0 - s) * bend
+    return a.place_m + s * rise + s * (1.0 - s) * bend
 
 
 def build(settings: bytes) -> VisionTask:

@@ -12,6 +12,7 @@ from pathlib import Path
 from comms.messages import AngleSample
 from comms.records import LinkRow
 from rig.analysis import delays, quantities, verdict
+from rig.analysis.across import across
 from rig.analysis.field_bus import field_bus
 from rig.analysis.identify.decay import DecayFit, fit_decay
 from rig.analysis.identify.errors import AnalysisError
@@ -85,6 +86,7 @@ def _summary(run: RunLog, fit: DecayFit | None) -> Summary:
         swing_error=quantities.swing_error(run),
         lateness=delays.lateness(run),
         motion=motion_peaks(run),
+        across=across(run),
         field_bus=field_bus(run),
         move_deg=None if run.plan.angle_rad is None else math.degrees(run.plan.angle_rad),
         frames=len(angles),

@@ -8,7 +8,8 @@ import numpy as np
 
 from rig.analysis.identify.errors import AnalysisError
 from rig.analysis.identify.latency import alignment_s, command_latency_s
-from rig.analysis.run_log import RunLog, is_later
+from rig.analysis.run_log import RunLog
+from rig.analysis.seen_swing import is_later
 from rig.analysis.summary import Latency, Lateness
 
 MAX_REFERENCE_LATENESS_NS = 30_000_000  # a later reference has missed its window

@@ -18,13 +18,22 @@ from comms.errors import LogError
 class RunFacts(msgspec.Struct, frozen=True, kw_only=True):
     """Keys of `experiment.json` that the analysis uses."""
 
-    rate_hz: float  # of the camera, 0 = run without a camera
+    rates_hz: tuple[float, ...]  # of the cameras, 0 = run without a camera
     average_frames: int  # of the moving average of the angle
     gravity_m_s2: float  # of [model]
     cable_length_m: float  # of [model]; 1 m where the load is a chain
     reference_delay_ms: float  # largest delay that the link fault model adds to a reference
     damping_ratio: float = 0.0  # of [model]
     is_chain: bool = False  # the load of [model] has links
+
+    @property
+    def rate_hz(self) -> float:
+        """Rate of the first camera, 0 in a run without a camera."""
+        return self.rates_hz[0]
+
+    def rate_of(self, camera: int) -> float:
+        """Rate of a camera, counted from 1."""
+        return self.rates_hz[camera - 1] if camera <= len(self.rates_hz) else self.rate_hz
 
 
 class EnvelopeFacts(msgspec.Struct, frozen=True):
@@ -68,7 +77,7 @@ def read_facts(data: bytes, path: Path) -> RunFacts:
     delay_ms = number_at(tables, "links", "reference", "delay_ms")
     jitter_ms = number_at(tables, "links", "reference", "jitter_ms")
     return RunFacts(
-        rate_hz=_number(tables, path, "camera", "rate_hz"),
+        rates_hz=_rates_hz(tables, _number(tables, path, "camera", "rate_hz")),
         average_frames=int(_number(tables, path, "vision", "average_frames")),
         gravity_m_s2=_number(tables, path, "model", "gravity_m_s2"),
         cable_length_m=1.0 if length_m is None else length_m,
@@ -76,6 +85,14 @@ def read_facts(data: bytes, path: Path) -> RunFacts:
         damping_ratio=number_at(tables, "model", "damping_ratio") or 0.0,
         is_chain=bool(value_at(tables, "model", "links")),
     )
+
+
+def _rates_hz(tables: Any, rate_hz: float) -> tuple[float, ...]:
+    """List the rates of the cameras: that of [camera] where one has none of its own."""
+    cameras = value_at(tables, "vision", "cameras")
+    if not isinstance(cameras, list) or not cameras or not rate_hz:
+        return (rate_hz,)
+    return tuple(number_at(camera, "rate_hz") or rate_hz for camera in cameras)
 
 
 def value_at(tables: Any, *keys: str) -> Any:

@@ -27,7 +27,7 @@ def measured_quantities(run: RunLog, fit: DecayFit | None) -> tuple[Quantities, 
     t, angle, sigma_rad = run.single_frames
     if run.t_start_s is not None and t.size:
         with suppress(AnalysisError):
-            measured.peak_swing_rad = peak_swing_rad(t, angle, *_swing_window(run))
+            measured.peak_swing_rad = peak_swing_rad(t, angle, *run.swing_window_s)
             sigma.peak_swing_rad = float(np.median(sigma_rad))
     if fit is None or not math.isfinite(fit.sigma_amplitude_rad):
         return measured, sigma
@@ -69,7 +69,7 @@ def true_quantities(run: RunLog) -> Quantities | None:
     if run.t_start_s is not None and t.size > 1 and t[-1] >= run.t_settled_s:
         from scipy.interpolate import CubicHermiteSpline
 
-        t0, t1 = _swing_window(run)
+        t0, t1 = run.swing_window_s
         curve = CubicHermiteSpline(t, angle, rate)
         at_s = float(run.t_settled_s)
         truth.residual_swing_rad = residual_amplitude_rad(
@@ -128,10 +128,3 @@ def initial_swing(run: RunLog) -> float | None:
         return initial_swing_rad(t[quiet], angle[quiet], omega_rad_s)
     except AnalysisError:
         return None
-
-
-def _swing_window(run: RunLog) -> tuple[float, float]:
-    """Limit the peak swing to the move until settled, or to all of a free decay [s]."""
-    if run.plan.time_s > 0:
-        return run.t_move_s, run.t_settled_s
-    return run.t_move_s, run.t_move_s + run.plan.watch_s

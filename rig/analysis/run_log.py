@@ -13,16 +13,16 @@ from typing import Any
 
 import msgspec
 import numpy as np
-import numpy.typing as npt
 
+from comms.channels import MAX_CAMERAS
 from comms.errors import LogError
 from comms.mcap_log import Log, read_log
-from comms.messages import AngleSample, Command, Reference, RobotState, Truth, Verb
+from comms.messages import AngleSample, Command, Reference, RobotState, SwingPlane, Truth, Verb
 from comms.plan_record import PlanRecord
 from comms.records import CompressedImage, Event, FrameStamp, LinkRow, Receipts, TaskTiming
 from rig.analysis.facts import ControllerFacts, RunFacts, read_facts
+from rig.analysis.seen_swing import FloatArray, SeenSwing, averaged, of_single_frames
 
-FloatArray = npt.NDArray[np.float64]
 SETTLE_S = 0.30  # after the planned end; the platform lags the plan by about 60 ms
 
 
@@ -94,37 +94,40 @@ class RunLog:
         """Instant of the residual swing [s]: planned end + 0.30 s + delay of the controller."""
         return self.t_move_s + self.plan.time_s + SETTLE_S + self.controller.delay_s
 
+    @property
+    def swing_window_s(self) -> tuple[float, float]:
+        """Interval of the peak swing [s]: the move until settled, or all of a free decay."""
+        if self.plan.time_s > 0:
+            return self.t_move_s, self.t_settled_s
+        return self.t_move_s, self.t_move_s + self.plan.watch_s
+
     @cached_property
     def angles(self) -> list[AngleSample]:
-        """All angle samples, valid or not."""
-        return self.log.read("/angle_1", AngleSample)
+        """All angle samples of the first camera, valid or not."""
+        return self.angles_of(1)
+
+    def angles_of(self, camera: int) -> list[AngleSample]:
+        """Read all angle samples of a camera, counted from 1, valid or not."""
+        return self.log.read(f"/angle_{camera}", AngleSample)
 
     @cached_property
-    def swing(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Valid angles: stamps [s], angles [rad], sigmas [rad], each (N,)."""
-        rows = [
-            (a.t_valid_ns * 1e-9, a.cable.angle_rad, a.cable.sigma_rad)
-            for a in self.angles
-            if a.cable is not None
-        ]
-        t, angle, sigma = np.array(rows, dtype=np.float64).reshape(-1, 3).T
-        keep = is_later(t)
-        return t[keep], angle[keep], sigma[keep]
+    def across_camera(self) -> int | None:
+        """Number of the first camera that sees the swing in the plane y; None without one."""
+        for camera in range(2, MAX_CAMERAS + 1):
+            planes = {sample.swing_plane for sample in self.angles_of(camera)}
+            if SwingPlane.Y in planes:
+                return camera
+        return None
 
     @cached_property
-    def single_frames(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Angles of single frames without offset, for peaks, which an average reduces.
+    def swing(self) -> SeenSwing:
+        """Valid averaged angles of the first camera."""
+        return averaged(self.angles)
 
-        Stamps [s], angles [rad], sigmas [rad], each (N,). The stamps are those of the average.
-        """
-        sigma_factor = math.sqrt(self.facts.average_frames)
-        rows = []
-        for a in self.angles:
-            if a.cable is not None:
-                angle_rad = a.cable.raw_rad - a.cable.offset_rad
-                rows.append((a.t_valid_ns * 1e-9, angle_rad, a.cable.sigma_rad * sigma_factor))
-        t, angle, sigma = np.array(rows, dtype=np.float64).reshape(-1, 3).T
-        return t, angle, sigma
+    @cached_property
+    def single_frames(self) -> SeenSwing:
+        """Angles of single frames of the first camera."""
+        return of_single_frames(self.angles, self.facts.average_frames)
 
     @property
     def uncounted(self) -> list[str]:
@@ -217,10 +220,3 @@ class RunLog:
             return None  # an elastic joint
         load = self.plant_params.get("pendulum")
         return math.sqrt(load["gravity_m_s2"] / load["length_m"]) if load else None
-
-
-def is_later(t_s: FloatArray) -> npt.NDArray[np.bool_]:
-    """Mark the stamps (N,) that are later than their predecessor; the first one is."""
-    if not t_s.size:
-        return np.zeros(0, dtype=bool)
-    return np.concatenate([[True], np.diff(t_s) > 0])

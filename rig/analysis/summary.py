@@ -147,6 +147,37 @@ class LinkSummary(msgspec.Struct, kw_only=True):
     unexplained: int
 
 
+class Across(msgspec.Struct, kw_only=True):
+    """Swing across the plane of the move, seen by the camera of the other plane.
+
+    None = not identifiable in this run; true values are None on a real rig.
+    """
+
+    camera: int
+    frames: int = 0
+    angles_valid: int = 0
+    peak_rad: float | None = None
+    sigma_peak_rad: float | None = None
+    residual_rad: float | None = None
+    sigma_residual_rad: float | None = None
+    true_peak_rad: float | None = None
+    true_residual_rad: float | None = None
+
+    @property
+    def row(self) -> tuple[str, str, str]:
+        """Title, measured and true values for a table: peak / residual swing."""
+        peak, residual = QUANTITIES[:2]
+        measured = (
+            peak.with_sigma(self.peak_rad, self.sigma_peak_rad),
+            residual.with_sigma(self.residual_rad, self.sigma_residual_rad),
+        )
+        true = ""
+        if self.true_peak_rad is not None:
+            true = f"{peak.plain(self.true_peak_rad)} / {residual.plain(self.true_residual_rad)}"
+        title = f"across (camera {self.camera}): peak / residual, mrad"
+        return title, " / ".join(measured), true
+
+
 class FieldBus(msgspec.Struct, kw_only=True):
     """Field bus of a run with a drive; loads are shares of the bit rate."""
 
@@ -205,6 +236,7 @@ class Summary(msgspec.Struct, kw_only=True):
     swing_error: SwingError = msgspec.field(default_factory=SwingError)
     lateness: Lateness = msgspec.field(default_factory=Lateness)
     motion: MotionPeaks = msgspec.field(default_factory=MotionPeaks)
+    across: Across | None = None  # of a run with a camera in the plane y
     field_bus: FieldBus | None = None  # of a run with a drive
     joint: JointFigures | None = None  # of a run of an elastic joint
     move_deg: float | None = None  # of its load

@@ -64,8 +64,9 @@ def true_load(run: RunLog, motion: TrueMotion) -> Quantities:
     """Compute the quantities of the simulated load.
 
     Residual swing: amplitude of the planned metric at its instant, of both planes. Peak: largest
-    angle of a link against the vertical. Frequency: that of the lowest mode. Raises no error for a
-    load whose modes are not known: it has a peak alone.
+    angle of a link against the vertical. Where a camera sees the plane y, both are of the plane x
+    alone. Frequency: that of the lowest mode. Raises no error for a load whose modes are not known:
+    it has a peak alone.
     """
     found = Quantities()
     model = _model(run.plant_params)
@@ -80,12 +81,24 @@ def true_load(run: RunLog, motion: TrueMotion) -> Quantities:
         return found
     end_s = run.t_settled_s if run.plan.time_s > 0 else run.t_move_s + run.plan.watch_s
     shown = (t_s >= run.t_move_s) & (t_s <= end_s)
+    is_seen_across = run.across_camera is not None
     if shown.any():
-        found.peak_swing_rad = float(motion.tilt_rad[shown].max())
+        angles = np.abs(motion.angles_rad[..., 0]) if is_seen_across else motion.tilt_rad
+        found.peak_swing_rad = float(angles[shown].max())
     if model is not None:
-        amplitudes = [_amplitude_rad(model, motion, run.t_settled_s, plane) for plane in (0, 1)]
+        planes = (0,) if is_seen_across else (0, 1)
+        amplitudes = [_amplitude_rad(model, motion, run.t_settled_s, plane) for plane in planes]
         found.residual_swing_rad = math.hypot(*amplitudes)
     return found
+
+
+def true_amplitude_rad(run: RunLog, motion: TrueMotion, plane: int) -> float | None:
+    """Compute the residual swing in a plane, 0 = x, 1 = y; None for a load of unknown modes.
+
+    The truth must reach the instant of the residual swing.
+    """
+    model = _model(run.plant_params)
+    return None if model is None else _amplitude_rad(model, motion, run.t_settled_s, plane)
 
 
 def _amplitude_rad(model: ChainModel, motion: TrueMotion, at_s: float, plane: int) -> float:

@@ -6,7 +6,7 @@ import numpy as np
 
 from rig.analysis.delays import MAX_REFERENCE_LATENESS_NS
 from rig.analysis.run_log import RunLog
-from rig.analysis.summary import Summary
+from rig.analysis.summary import Across, Summary
 from rig.analysis.true_load import pushed_after, true_motion
 
 MIN_VALID_SHARE = 0.95  # of the frames, that must give an angle
@@ -65,10 +65,11 @@ def _load_doubts(summary: Summary, run: RunLog) -> list[str]:
             "judge it by the truth, without a camera (--set camera.rate_hz=0)"
         )
     across_rad = float(np.abs(motion.angles_rad[..., 1]).max(initial=0.0))
-    if across_rad > MAX_ACROSS_RAD:
+    if across_rad > MAX_ACROSS_RAD and summary.across is None:
         doubts.append(
             f"the load swung {across_rad * 1e3:.1f} mrad across the plane that the camera sees; "
-            f"must be <= {MAX_ACROSS_RAD * 1e3:g} mrad: look for what pushed it"
+            f"must be <= {MAX_ACROSS_RAD * 1e3:g} mrad: look for what pushed it, or add a camera "
+            "of the plane y"
         )
     if pushed_after(run):
         doubts.append(
@@ -84,6 +85,24 @@ def _load_doubts(summary: Summary, run: RunLog) -> list[str]:
     return doubts
 
 
+def _frame_doubts(summary: Summary) -> list[str]:
+    """List the cameras that gave too few angles."""
+    doubts = []
+    if summary.angles_valid < MIN_VALID_SHARE * summary.frames:
+        reasons = ", ".join(f"{reason} {n}" for reason, n in sorted(summary.refusals.items()))
+        doubts.append(
+            f"{summary.angles_valid} of {summary.frames} frames gave an angle ({reasons}); "
+            f"must be >= {MIN_VALID_SHARE:.0%}"
+        )
+    across = summary.across
+    if across is not None and across.angles_valid < MIN_VALID_SHARE * across.frames:
+        doubts.append(
+            f"{across.angles_valid} of {across.frames} frames of camera {across.camera} gave an "
+            f"angle; must be >= {MIN_VALID_SHARE:.0%}"
+        )
+    return doubts
+
+
 def _doubts(summary: Summary, run: RunLog) -> list[str]:
     """List the reasons to doubt the numbers of a run."""
     doubts = []
@@ -93,12 +112,7 @@ def _doubts(summary: Summary, run: RunLog) -> list[str]:
     for name, row in summary.links.items():
         if row.lost_kernel:
             doubts.append(f"link '{name}': {row.lost_kernel} lost by the kernel")
-    if summary.frames and summary.angles_valid < MIN_VALID_SHARE * summary.frames:
-        reasons = ", ".join(f"{reason} {n}" for reason, n in sorted(summary.refusals.items()))
-        doubts.append(
-            f"{summary.angles_valid} of {summary.frames} frames gave an angle ({reasons}); "
-            f"must be >= {MIN_VALID_SHARE:.0%}"
-        )
+    doubts += _frame_doubts(summary)
     motion = summary.motion
     if motion.setpoints_outside:
         doubts.append(
@@ -125,6 +139,16 @@ def _doubts(summary: Summary, run: RunLog) -> list[str]:
     if error_rad is not None and error_rad > MAX_SWING_ERROR_RAD:
         doubts.append(
             f"measured swing is {error_rad * 1e3:.2f} mrad rms off the truth; "
-            f"must be <= {MAX_SWING_ERROR_RAD * 1e3} mrad: calibrate again"
+            f"must be <= {MAX_SWING_ERROR_RAD * 1e3} mrad: {_cause_of_error(summary.across)}"
         )
     return doubts
+
+
+def _cause_of_error(across: Across | None) -> str:
+    """Name what makes the first camera measure wrong, as far as the other one tells."""
+    if across is None or (across.peak_rad or 0.0) <= MAX_ACROSS_RAD:
+        return "calibrate again"
+    return (
+        "a swing across is seen in perspective where the platform stands beside its home "
+        "position: stop what pushes the load, or end the move at home"
+    )

@@ -29,11 +29,12 @@ from rig.run.toml_file import (
     override,
     read_toml,
 )
+from rig.run.vision_section import Pixel as Pixel
+from rig.run.vision_section import VisionSection
 
 Positive = Annotated[float, Meta(gt=0, le=1e6)]
 NotNegative = Annotated[float, Meta(ge=0, le=1e6)]
 Place = Annotated[float, Meta(ge=-10, le=10)]
-Pixel = Annotated[float, Meta(ge=-1e5, le=1e5)]
 Name = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_\-]{1,60}\Z")]
 MIN_PORT = 1024  # below it ports belong to the services of the system
 MAX_BASE_PORT = 65_535 - PORTS + 1
@@ -139,19 +140,6 @@ class CameraSection(Section, frozen=True, kw_only=True):
     width: Annotated[int, Meta(ge=64, le=4096)] = 640
     height: Annotated[int, Meta(ge=64, le=4096)] = 480
     rate_hz: Annotated[float, Meta(ge=0, le=200)] = 50.0
-
-
-class VisionSection(Section, frozen=True, kw_only=True):
-    """`[vision]`: settings of the tracker.
-
-    calibration: a file, "shipped", or "none" (rough_* are used then).
-    """
-
-    calibration: str = "shipped"
-    average_frames: Annotated[int, Meta(ge=1, le=50)] = 3
-    processing_ms: Annotated[float, Meta(ge=0, le=1000)] = 2.0
-    rough_pivot_px: tuple[Pixel, Pixel] = (321.0, -38.0)  # estimated without calibration
-    rough_pixels_per_m: Positive = 1005.0
 
 
 class NetworkSection(Section, frozen=True, kw_only=True):

@@ -12,13 +12,13 @@ from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
 from typing import NamedTuple
 
+from comms.channels import TASKS
 from comms.endpoints import PORTS, TCP_PORTS, choose_ports
 from comms.errors import CommsError
 from comms.udp import UdpReceiver, port_is_free, receive_buffer_bytes
 from rig.run.config import Experiment, NetworkSection, shipped_calibrations
 from rig.run.finding import Finding
 from rig.run.machine import MachineGrade, measure_machine
-from rig.run.runtime.children import PROCESSES
 
 ROOMS = ("comms", "planners", "vision", "sim_rig", "rig")
 NEEDED = {
@@ -200,7 +200,7 @@ def _cores() -> Finding:
     cores = len(os.sched_getaffinity(0))
     if cores >= 2:
         return Finding("cores", "ok", str(cores))
-    advice = f"{len(PROCESSES)} tasks and the operator share one core: expect late ticks"
+    advice = f"{len(TASKS)} tasks and the operator share one core: expect late ticks"
     return Finding("cores", "warning", str(cores), advice)
 
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from comms.messages import SwingPlane
 from planners.problem import Plan
 from planners.replay import replay
 from rig.errors import Refused
@@ -26,11 +27,14 @@ class CableView(NamedTuple):
 
 
 def check_field_of_view(experiment: Experiment, plan: Plan, vision: VisionSettings) -> None:
-    """Raise Refused where the planned move takes the cable out of the picture.
+    """Raise Refused where the planned move takes the cable out of the picture of a camera.
 
-    Belief alone: model of the load, plan, and pivot and scale of the calibration.
+    Belief alone: model of the load, plan, and pivot and scale of the calibration. A camera of the
+    other plane sees no planned swing, and the platform move towards it.
     """
     if experiment.camera.rate_hz == 0.0 or plan.problem.axis != "x" or experiment.move.waypoints:
+        return
+    if vision.swing_plane is not SwingPlane.X:
         return
     _check_calibrated_range(plan, vision)
     view = cable_view(plan, vision)

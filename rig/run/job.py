@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 
-from comms.channels import MS
+from comms.channels import MS, VISION_TASKS, vision_task
 from comms.plan_record import PlanRecord
 from planners import catalog
 from planners.errors import PlanError
@@ -18,6 +18,7 @@ from planners.problem import Limits, Plan, Problem
 from planners.trajectories.motion import AXES, Motion
 from rig.errors import ConfigError, Refused
 from rig.run.calibration import file as calibration_file
+from rig.run.cameras import Camera, cameras, check_cameras
 from rig.run.config import Experiment
 from rig.run.drive_settings import drive_settings
 from rig.run.field_of_view import check_field_of_view
@@ -25,15 +26,16 @@ from rig.run.joint_space import check_joint_space
 from rig.run.load_model import planner_model
 from rig.run.node_settings import NodeSettings
 from rig.run.tasks import run_out
+from rig.run.tasks.angle_watch import WatchedCamera
 from rig.run.tasks.controller.joints import Kinematics, RobotSettings
 from rig.run.tasks.controller.task import ControllerSettings
 from rig.run.tasks.safety import Envelope, Gate
 from rig.run.tasks.streamer import PERIOD_NS, StreamerSettings
+from rig.run.vision_settings import vision_settings
 from rig.run.waypoints import plan_through, read_waypoints
-from vision.task import VisionSettings
 
 SAFETY_FACTOR = 1.1  # times the limits of the plan, where [safety] has no bound
-IDLE_CAMERA_RATE_HZ = 50.0  # setting of the idle vision task in a run without a camera
+STALE_PERIODS = 3  # of a slow camera: no angle is stale while two pictures in a row may be lost
 
 
 class Job(msgspec.Struct, frozen=True, kw_only=True):
@@ -41,8 +43,10 @@ class Job(msgspec.Struct, frozen=True, kw_only=True):
 
     experiment: Experiment
     plan: PlanRecord
-    calibration_name: str
-    calibration: calibration_file.Calibration | None
+    calibration_name: str  # of each camera, in one line
+    calibrations: list[
+        calibration_file.Calibration | None
+    ] = []  # by camera; None where it has none
     settings: dict[str, Any]  # by task name
     stop_ns: int = 0  # longest time of a stop
     command: str = ""  # as typed, for the log; "" where no terminal started the run
@@ -50,27 +54,32 @@ class Job(msgspec.Struct, frozen=True, kw_only=True):
     def attachments(self) -> dict[str, bytes]:
         """Encode the files attached to the log."""
         encode = msgspec.json.encode
-        calibration = b""
-        if self.calibration:
-            calibration = calibration_file.text(self.calibration).encode()
         files = {
             "experiment.json": encode(self.experiment),
             "plan.json": encode(self.plan),
             "bench.json": encode(_plant(self.settings["bench"])),
             "drive.json": encode(self.settings.get("drive")),
-            "calibration.toml": calibration,
+            "calibration.toml": b"",
         }
-        present = (name for name in ("controller", "vision") if name in self.settings)
+        for number, calibration in enumerate(self.calibrations, start=1):
+            if calibration is not None:
+                name = "calibration.toml" if number == 1 else f"calibration_{number}.toml"
+                files[name] = calibration_file.text(calibration).encode()
+        present = (name for name in ("controller", *VISION_TASKS) if name in self.settings)
         return files | {f"{name}.json": encode(self.settings[name]) for name in present}
 
 
 class Plant(NamedTuple):
-    """Plant of a run: settings of its task, links of its load, if it has a drive, its joints."""
+    """Plant of a run: settings of its task, links of its load, if it has a drive, its joints.
+
+    planes: of the swing that its cameras see.
+    """
 
     settings: Any
     links: int
     has_drive: bool = False
     kinematics: Kinematics = "axes"
+    planes: tuple[str, ...] = ("x",)
 
 
 def _plant(settings: Any) -> Any:
@@ -126,21 +135,25 @@ def prepare(
             "equal: give [model] links and [[bench.links]] alike, or [model] length_m and "
             "[bench.pendulum]; `rig plan --links` shows a plan without a bench"
         )
+    watching = cameras(experiment)
+    check_cameras(watching, plant.planes)
     record = _record(experiment, plan, motion or (plan.motion if plan else None))
     envelope = safety_envelope(experiment)
     _check_envelope(record, envelope)
-    name, calibration = calibration_file.find(experiment)
+    found = [calibration_file.find(experiment, camera) for camera in watching]
+    calibrations = [calibration for _, calibration in found]
     robot = _robot(experiment, plant)
     check_joint_space(record, robot, experiment.robot)
-    vision = _vision_settings(experiment, calibration)
-    if plan is not None:
-        check_field_of_view(experiment, plan, vision)
     settings: dict[str, Any] = {
         "bench": plant.settings,
-        "controller": _controller_settings(experiment, envelope, robot),
-        "vision": vision,
-        "streamer": _streamer_settings(experiment, record, envelope),
+        "controller": _controller_settings(experiment, envelope, robot, len(watching)),
     }
+    for camera, calibration in zip(watching, calibrations, strict=True):
+        vision = vision_settings(experiment, camera, calibration)
+        if plan is not None:
+            check_field_of_view(experiment, plan, vision)
+        settings[vision_task(camera.number)] = vision
+    settings["streamer"] = _streamer_settings(experiment, record, envelope, watching)
     if plant.has_drive:
         settings["bench"] = NodeSettings(
             drive=experiment.drive, plant=msgspec.to_builtins(plant.settings)
@@ -149,8 +162,8 @@ def prepare(
     return Job(
         experiment=experiment,
         plan=record,
-        calibration_name=name,
-        calibration=calibration,
+        calibration_name=", ".join(name for name, _ in found),
+        calibrations=calibrations,
         settings=settings,
         stop_ns=run_out.duration_ns(envelope),
     )
@@ -244,7 +257,7 @@ def _robot(experiment: Experiment, plant: Plant) -> RobotSettings:
 
 
 def _controller_settings(
-    experiment: Experiment, envelope: Envelope, robot: RobotSettings
+    experiment: Experiment, envelope: Envelope, robot: RobotSettings, camera_count: int
 ) -> ControllerSettings:
     s = experiment.safety
     return ControllerSettings(
@@ -257,41 +270,28 @@ def _controller_settings(
         following_error_m=s.following_error_mm * 1e-3,
         following_error_ns=round(s.following_error_ms * MS),
         robot=robot,
-    )
-
-
-def _vision_settings(
-    experiment: Experiment, calibration: calibration_file.Calibration | None
-) -> VisionSettings:
-    v = experiment.vision
-    return VisionSettings(
-        width=experiment.camera.width,
-        height=experiment.camera.height,
-        period_ns=round(1e9 / (experiment.camera.rate_hz or IDLE_CAMERA_RATE_HZ)),
-        average_frames=v.average_frames,
-        processing_ns=round(v.processing_ms * MS),
-        pivot_home_px=calibration.pivot_home_px if calibration else v.rough_pivot_px,
-        pixels_per_m=calibration.pixels_per_m if calibration else v.rough_pixels_per_m,
-        x_m=calibration.x_m if calibration else [],
-        offset_rad=calibration.offset_rad if calibration else [],
+        cameras=camera_count,
     )
 
 
 def _streamer_settings(
-    experiment: Experiment, record: PlanRecord, envelope: Envelope
+    experiment: Experiment, record: PlanRecord, envelope: Envelope, watching: list[Camera]
 ) -> StreamerSettings:
     tick_s = PERIOD_NS * 1e-9
     first = math.ceil(record.quiet_s / tick_s)
     last = math.ceil((record.quiet_s + record.time_s) / tick_s)
-    angle_stale_ns = 0
-    if experiment.camera.rate_hz > 0:
-        angle_stale_ns = round(experiment.safety.angle_stale_ms * MS)
+    watched = [_watched(experiment, camera) for camera in watching if camera.rate_hz > 0]
     return StreamerSettings(
         positions_m=record.positions_m,
         move_ticks=(first, last) if record.time_s else (0, 0),
         envelope=envelope,
-        angle_stale_ns=angle_stale_ns,
+        cameras=watched,
         robot_stale_ns=round(experiment.safety.robot_stale_ms * MS),
         natural_frequency_rad_s=planner_model(experiment).natural_frequency_rad_s,
         initial_swing_rad=experiment.safety.initial_swing_rad,
     )
+
+
+def _watched(experiment: Experiment, camera: Camera) -> WatchedCamera:
+    stale_s = max(experiment.safety.angle_stale_ms * 1e-3, STALE_PERIODS / camera.rate_hz)
+    return WatchedCamera(number=camera.number, plane=camera.plane, stale_ns=round(stale_s * 1e9))

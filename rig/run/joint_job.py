@@ -37,6 +37,16 @@ WITHOUT_EFFECT = (
     "drive",
     "robot",
 )  # tables that an experiment of the kind joint does not use
+UNUSED_IN_BENCH = (
+    "pendulum",
+    "links",
+    "load",
+    "pushes",
+    "length_changes",
+    "cable",
+    "camera",
+    "cameras",
+)
 PLANNER = "trapezoid"
 MIN_QUIET_S = 0.02  # rest before the move
 MAX_INCREMENTS = 2**31 - 1
@@ -87,7 +97,6 @@ def prepare_joint(experiment: Experiment, plant: Plant) -> Job:
         experiment=msgspec.structs.replace(experiment, camera=NO_CAMERA),
         plan=record,
         calibration_name="none",
-        calibration=None,
         settings={
             "bench": NodeSettings(joint=joint, plant=msgspec.to_builtins(plant.settings)),
             "drive": settings,
@@ -108,7 +117,7 @@ def _joint(experiment: Experiment) -> JointSection:
 def _check_tables(experiment: Experiment) -> None:
     """Refuse tables that would have no effect."""
     defaults = Experiment(experiment=experiment.experiment)
-    for name in ("pendulum", "links", "load", "pushes", "length_changes", "cable", "camera"):
+    for name in UNUSED_IN_BENCH:
         if getattr(experiment.bench, name):
             raise ConfigError(
                 f"[bench.{name}] in an experiment of the kind joint; has no effect there: remove it"

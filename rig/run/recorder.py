@@ -19,11 +19,11 @@ from comms.records import (
     Record,
     Stamp,
     TaskTiming,
+    picture_topic,
 )
 
 FLUSH_PERIOD_NS = 500_000_000
 JPEG_QUALITY = 92
-PICTURES = "/camera/image"
 
 
 class Recorder:
@@ -49,8 +49,11 @@ class Recorder:
         self.counts[channel] = self.counts.get(channel, 0) + 1
         self._log.write(f"/{channel}", record, message.t_ns, log_ns, message.seq)
 
-    def picture(self, frame: Frame, log_ns: int) -> None:
-        """Record a picture as JPEG, for viewers of the log; analysis does not use it."""
+    def picture(self, channel: str, frame: Frame, log_ns: int) -> None:
+        """Record a picture of a channel as JPEG, for viewers of the log.
+
+        Analysis does not use it.
+        """
         good, data = cv2.imencode(".jpg", frame.pixels, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
         if good:
             seconds, nanoseconds = divmod(frame.t_exposure_start_ns + frame.exposure_ns // 2, 10**9)
@@ -58,7 +61,7 @@ class Recorder:
             image = CompressedImage(
                 timestamp=stamp, frame_id=frame.camera, data=data.tobytes(), format="jpeg"
             )
-            self._log.write(PICTURES, image, frame.t_ns, log_ns, frame.seq)
+            self._log.write(picture_topic(channel), image, frame.t_ns, log_ns, frame.seq)
 
     def record(self, record: Record, log_ns: int) -> None:
         """Record a receipt, timing, link row or event."""

@@ -100,6 +100,9 @@ def _quantities(analysis: RunAnalysis) -> Html:
             row.plain(getattr(truth, row.key)),
         )
         rows.append(cells)
+    if s.across is not None:
+        title, measured, true = s.across.row
+        rows.append((title, "", "", measured, true))
     note = element("p", NOISE_NOTE, class_="note")
     return join(table(QUANTITY_HEADS, rows), note)
 

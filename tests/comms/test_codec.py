@@ -210,6 +210,27 @@ GOLDEN: dict[str, tuple[Message, tuple[Any, ...], str]] = {
     ),
 }
 
+
+OF_THE_FIRST_CAMERA = {
+    "platform_2": ("platform_1", 13),
+    "frame_2": ("frame_1", 14),
+    "angle_2": ("angle_1", 15),
+    "platform_3": ("platform_1", 16),
+    "frame_3": ("frame_1", 17),
+    "angle_3": ("angle_1", 18),
+}
+
+
+def renumbered(channel: str, number: int) -> tuple[Message, tuple[Any, ...], str]:
+    """Published datagram of a channel with the number of another one, and its CRC."""
+    message, values, published = GOLDEN[channel]
+    body = bytearray.fromhex(published)[:-4]
+    body[3] = number
+    return message, values, (body + struct.pack("<I", zlib.crc32(body))).hex()
+
+
+GOLDEN |= {name: renumbered(*other) for name, other in OF_THE_FIRST_CAMERA.items()}
+
 CLOSING = "53570209200001005353454c59415753f40100000700000000000000db267ea2"
 
 

@@ -397,8 +397,9 @@ def closing(count: int, t_ns: int) -> bytes:
 # late packets
 
 LATE_AFTER_MS = {  # of docs/wire.md
-    **dict.fromkeys(("reference", "setpoint", "joint_state", "robot_state", "platform_1"), 30),
-    "angle_1": 80,
+    **dict.fromkeys(("reference", "setpoint", "joint_state", "robot_state"), 30),
+    **dict.fromkeys(("platform_1", "platform_2", "platform_3"), 30),
+    **dict.fromkeys(("angle_1", "angle_2", "angle_3"), 80),
     "truth": 1000,
 }
 
@@ -426,9 +427,13 @@ def test_a_reference_is_late_by_its_target(context: Context, age_ms: int, late: 
         assert (ends.receiver.count.delivered, ends.receiver.count.late) == (1, late)
 
 
+FRAMES = ("frame_1", "frame_2", "frame_3")
+
+
+@pytest.mark.parametrize("name", FRAMES)
 @pytest.mark.parametrize(("age_ms", "late"), [(39, 0), (40, 0), (41, 1)])
-def test_a_frame_is_late_beyond_40_ms(context: Context, age_ms: int, late: int) -> None:
-    with channel("frame_1", context) as ends:
+def test_a_frame_is_late_beyond_40_ms(context: Context, name: str, age_ms: int, late: int) -> None:
+    with channel(name, context) as ends:
         ends.sender.send(picture(0, t_ns=100 * MS))
         read_until(ends.receiver, At((100 + age_ms) * MS), 1)
         assert (ends.receiver.count.delivered, ends.receiver.count.late) == (1, late)
@@ -436,7 +441,7 @@ def test_a_frame_is_late_beyond_40_ms(context: Context, age_ms: int, late: int) 
 
 def test_the_age_of_every_channel_of_data_was_tested() -> None:
     stamped_on_arrival = {"can_down", "can_up"}  # a frame of the field bus has no stamp
-    assert LATE_AFTER_MS.keys() | {"frame_1"} | stamped_on_arrival == WIRE.keys()
+    assert LATE_AFTER_MS.keys() | {*FRAMES} | stamped_on_arrival == WIRE.keys()
 
 
 # the wiring
@@ -505,6 +510,19 @@ def test_of_50_frames_a_second_so_many_are_logged_as_pictures(
     for k in range(100):
         output.take([Send("frame_1", picture(k, t_ns=k * 20 * MS), k * 20 * MS)])
     assert bus.taken == pictures
+    output.close()
+
+
+def test_the_log_gets_pictures_of_every_camera(
+    context: Context, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(frames, "LINGER_MS", 0)
+    bus, tasks = Pictures(), ("bench", "vision", "vision_2")
+    output = TaskOutput("bench", wiring(tasks=tasks), context, bus, At())  # type: ignore[arg-type]
+    for k in range(100):
+        for channel, seq in (("frame_1", k), ("frame_2", 100 + k)):
+            output.take([Send(channel, picture(seq, t_ns=k * 20 * MS), k * 20 * MS)])
+    assert bus.taken == [0, 100, 25, 125, 50, 150, 75, 175]
     output.close()
 
 

@@ -289,7 +289,7 @@ def test_an_infinite_value_is_refused_and_a_nan_too_unless_it_may_be_absent(
     for infinite in (math.inf, -math.inf):
         assert refusal(Gate(channel), with_value(channel, place, infinite)) == "not_finite"
     nan = with_value(channel, place, math.nan)
-    if channel == "angle_1" and name in MAY_BE_ABSENT:
+    if WIRE[channel][1] is AngleSample and name in MAY_BE_ABSENT:
         message, up = Gate(channel).take(nan)
         assert up == {"delivered": 1}
         assert getattr(message, name) is None
@@ -340,7 +340,7 @@ def test_an_angle_is_valid_exactly_with_links() -> None:
                 assert up == {"rejected out_of_range": 1}
 
 
-@pytest.mark.parametrize(("channel", "most"), [("angle_1", 3), ("truth", 256)])
+@pytest.mark.parametrize(("channel", "most"), [("angle_1", 3), ("angle_3", 3), ("truth", 256)])
 def test_a_datagram_with_more_links_than_allowed_is_refused_by_its_length(
     channel: str, most: int
 ) -> None:

@@ -67,9 +67,15 @@ WIRE: dict[str, tuple[int, type[Message], str, tuple[str, ...]]] = {
     "truth": (10, Truth, "6d4d", POSITION + VELOCITY + LINK_MOTION),
     "can_down": (11, CanMessage, "I??B8s", CAN_FRAME),
     "can_up": (12, CanMessage, "I??B8s", CAN_FRAME),
+    "platform_2": (13, RobotState, "q9dB", STATE),
+    "frame_2": (14, Frame, "qqq16s8sHH", PICTURE),
+    "angle_2": (15, AngleSample, "qB?BdH4d6d", ANGLE + LINK_ANGLE),
+    "platform_3": (16, RobotState, "q9dB", STATE),
+    "frame_3": (17, Frame, "qqq16s8sHH", PICTURE),
+    "angle_3": (18, AngleSample, "qB?BdH4d6d", ANGLE + LINK_ANGLE),
 }
 # channel: payload of one link, and the most links of a message
-LINKS = {"angle_1": ("6d", 3), "truth": ("4d", 256)}
+LINKS = {"angle_1": ("6d", 3), "angle_2": ("6d", 3), "angle_3": ("6d", 3), "truth": ("4d", 256)}
 MOST_DRAWN = {LinkAngle: 3, LinkMotion: 5}
 # and what is not 0 in a message of zeros
 ZEROS = {"valid": True, "space": 1, "count": 6, "is_extended": True}

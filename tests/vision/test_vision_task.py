@@ -84,9 +84,9 @@ def frame(pixels: Grey, start_ns: int, row_ns: int = 0, encoding: str = "mono8")
     )
 
 
-def angle_of(step: Step) -> AngleSample:
+def angle_of(step: Step, channel: str = "angle_1") -> AngleSample:
     (send,) = step.sends
-    assert send.channel == "angle_1"
+    assert send.channel == channel
     assert isinstance(send.message, AngleSample)
     assert send.at_ns == send.message.t_ns
     return send.message
@@ -123,6 +123,40 @@ def test_an_angle_leaves_after_the_processing_time_and_is_stamped_at_mid_exposur
     assert cable_of(sample).angle_rad == pytest.approx(0.1, abs=1e-4)
     assert sample.platform_m == 0.05
     assert sample.pivot_miss_px == pytest.approx(0.0, abs=0.1)
+
+
+def test_the_task_of_another_camera_sends_on_its_own_channel_and_under_its_own_name() -> None:
+    vision = task(camera=3)
+    assert vision.name == "vision_3"
+    (send,) = vision.on_message("frame_3", frame(np.zeros((9, 9), np.uint8), 0), 0).sends
+    assert send.channel == "angle_3"
+    (reply,) = vision.on_message(
+        "command", Command(seq=0, t_ns=1, id=7, to="vision_3", verb=Verb.ARM), 1
+    ).sends
+    assert isinstance(reply.message, Reply)
+    assert reply.message.sender == "vision_3"
+
+
+def test_a_camera_of_the_plane_y_follows_the_platform_along_y(camera: Camera) -> None:
+    vision = task(camera=2, swing_plane=SwingPlane.Y, x_m=[0.0, 0.2], offset_rad=[0.0, -0.004])
+    for t_ns in (100 * MS, 110 * MS):
+        state = platform(t_ns, 0.9)
+        y_m = 0.05 + 0.2 * (t_ns - 105 * MS) * 1e-9
+        vision.on_message(
+            "platform_2",
+            msgspec.structs.replace(
+                state, actual_m=(0.9, y_m, 0.0), actual_velocity_m_s=(5.0, 0.2, 0.0)
+            ),
+            t_ns + MS,
+        )
+    sample = angle_of(
+        vision.on_message("frame_2", frame(cable_at(camera, 0.1, 0.05), 100 * MS), 118 * MS),
+        "angle_2",
+    )
+    assert sample.swing_plane is SwingPlane.Y
+    assert sample.platform_m == pytest.approx(0.05, abs=1e-12)
+    assert cable_of(sample).offset_rad == pytest.approx(-0.001, abs=1e-12)
+    assert cable_of(sample).raw_rad == pytest.approx(0.1, abs=1e-4)
 
 
 @pytest.mark.parametrize("angle_rad", [-0.1, 0.0, 0.2])
@@ -270,6 +304,8 @@ def test_the_task_has_no_timer_and_no_shutdown_action() -> None:
 
 def test_settings_survive_json_and_an_unknown_key_is_refused() -> None:
     assert build(msgspec.json.encode(SETTINGS)).name == "vision"
+    of_another = msgspec.json.encode(SETTINGS | {"camera": 2, "swing_plane": "y"})
+    assert build(of_another).name == "vision_2"
     with pytest.raises(msgspec.ValidationError, match="heigth"):
         build(msgspec.json.encode(SETTINGS | {"heigth": 480}))
 

@@ -1,4 +1,4 @@
 """Camera calibration: the tour through the points, the fit, and the calibration file.
 
-Imports lower layers, rig/run/config.py and rig/run/load_model.py.
+Imports lower layers, rig/run/config.py, cameras.py and load_model.py.
 """

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Annotated, Literal
 
 import msgspec
+from msgspec import Meta
 
+from comms.channels import MAX_CAMERAS
 from rig.errors import ConfigError
 from rig.run import config, toml_file
+from rig.run.cameras import Camera
+from rig.run.vision_section import Pixel, Scale
 from vision.errors import VisionError
 from vision.offset_table import OffsetTable
 
@@ -21,27 +26,29 @@ class Calibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     seed: int
     width: int
     height: int
-    pivot_home_px: tuple[config.Pixel, config.Pixel]
-    pixels_per_m: config.Positive
-    x_m: list[float]
+    pivot_home_px: tuple[Pixel, Pixel]
+    pixels_per_m: Scale
+    x_m: list[float]  # on the axis of the plane
     offset_rad: list[float]
     sigma_offset_rad: list[float]
+    number: Annotated[int, Meta(ge=1, le=MAX_CAMERAS)] = 1  # of the camera
+    plane: Literal["x", "y"] = "x"  # of the swing that it sees
 
 
-def find(experiment: config.Experiment) -> tuple[str, Calibration | None]:
-    """Find name and contents of an experiment's calibration; contents None where it uses none.
+def find(experiment: config.Experiment, camera: Camera) -> tuple[str, Calibration | None]:
+    """Find name and contents of the calibration of a camera; contents None where it uses none.
 
-    Raises ConfigError for a missing or damaged file, an invalid offset table, or another picture
-    size.
+    Raises ConfigError for a missing or damaged file, an invalid offset table, another camera, or
+    another picture size.
     """
-    name = experiment.vision.calibration
-    if name == "none" or experiment.camera.rate_hz == 0:
+    name = camera.calibration
+    if name == "none" or camera.rate_hz == 0:
         return name, None
     known = config.shipped_calibrations()
     if name == "shipped":
         if not known:
             raise ConfigError(
-                "[vision] calibration = 'shipped': none is shipped; "
+                f"{camera.section} calibration = 'shipped': none is shipped; "
                 "make one with `rig calibrate offsets`"
             )
         name = known[-1]
@@ -50,11 +57,18 @@ def find(experiment: config.Experiment) -> tuple[str, Calibration | None]:
         tables = toml_file.read_toml(Path(name), "calibration", "make it again")
     else:
         raise ConfigError(
-            f"[vision] calibration = '{name}': no such file; "
+            f"{camera.section} calibration = '{name}': no such file; "
             "make one with `rig calibrate offsets`, "
             f"or name 'shipped' ({', '.join(known) or 'none here'}) or 'none'"
         )
     calibration = toml_file.convert(tables, Calibration, "calibration")
+    if (calibration.number, calibration.plane) != (camera.number, camera.plane.value):
+        raise ConfigError(
+            f"calibration '{name}' is of camera {calibration.number} in the plane "
+            f"{calibration.plane}; must be of camera {camera.number} in the plane "
+            f"{camera.plane.value}: give {camera.section} its own file, or calibration = 'none' "
+            "with rough_pivot_px and rough_pixels_per_m"
+        )
     size = (calibration.width, calibration.height)
     expected = (experiment.camera.width, experiment.camera.height)
     if size != expected:

@@ -18,6 +18,7 @@ from planners.trajectories.trajectory import Trajectory
 from rig.analysis.identify.offsets import OffsetCalibration, SwingRecord, calibrate_offsets
 from rig.analysis.run_log import SETTLE_S, RunLog
 from rig.run.calibration.file import Calibration
+from rig.run.cameras import cameras
 from rig.run.config import Experiment
 from rig.run.load_model import planner_model
 
@@ -39,12 +40,14 @@ class Tour(NamedTuple):
 def experiment_for(base: Experiment) -> Experiment:
     """Change an experiment for the tour: no offset table, no average, a wider initial swing."""
     replace = msgspec.structs.replace
+    beliefs = [replace(belief, calibration="none") for belief in base.vision.cameras]
+    vision = replace(base.vision, calibration="none", average_frames=1, cameras=beliefs)
     return replace(
         base,
         experiment=replace(
             base.experiment, name="calibrate", kind="free_decay", quiet_s=0.5, watch_s=0.5
         ),
-        vision=replace(base.vision, calibration="none", average_frames=1),
+        vision=vision,
         safety=replace(base.safety, initial_swing_rad=0.1),
     )
 
@@ -73,17 +76,17 @@ def tour(experiment: Experiment, points_m: tuple[float, ...] = POINTS_M) -> Tour
 def fit(
     run: RunLog, experiment: Experiment, dwells_s: list[tuple[float, float]]
 ) -> tuple[OffsetCalibration, Calibration]:
-    """Fit the calibration to the log of a tour.
+    """Fit the calibration of the first camera to the log of a tour.
 
     Raises AnalysisError for a point with too few valid frames.
     """
-    vision = experiment.vision
+    camera = cameras(experiment)[0]
     samples = [a for a in run.angles if a.valid]
     records = [_record(samples, run.t_move_s + t0, run.t_move_s + t1) for t0, t1 in dwells_s]
     found = calibrate_offsets(
         records,
-        pivot_home_px=vision.rough_pivot_px,
-        pixels_per_m=vision.rough_pixels_per_m,
+        pivot_home_px=camera.rough_pivot_px,
+        pixels_per_m=camera.rough_pixels_per_m,
         natural_frequency_hz=planner_model(experiment).natural_frequency_rad_s / (2 * math.pi),
     )
     frames = run.frames

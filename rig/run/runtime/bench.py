@@ -91,7 +91,13 @@ def plant(experiment: Experiment) -> Plant:
     """Describe the plant for the checks before a run. Raises ConfigError as params() does."""
     settings = msgspec.structs.replace(params(experiment), input=_input_bounds(experiment))
     kinematics: Kinematics = "axes" if settings.quattro is None else "quattro"
-    return Plant(settings, max(1, len(settings.links)), has_drive(experiment), kinematics)
+    return Plant(
+        settings,
+        max(1, len(settings.links)),
+        has_drive(experiment),
+        kinematics,
+        tuple(camera.plane for camera in settings.cameras),
+    )
 
 
 def has_drive(experiment: Experiment) -> bool:

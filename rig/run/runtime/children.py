@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
+from comms.channels import VISION_TASKS
 from comms.clock import cpu_of_s
 from comms.ends import OPERATOR_SILENT_NS, Wiring
 from comms.priority import scheduling_of
@@ -34,7 +35,7 @@ class Process(NamedTuple):
 PROCESSES = {
     "bench": Process("sim_rig", 25),
     "controller": Process("rig.run.tasks.controller", 30, is_mover=True),
-    "vision": Process("vision", 10),
+    **{name: Process("vision", 10) for name in VISION_TASKS},
     "streamer": Process("rig.run.tasks.streamer", 20, is_mover=True),
     "drive": Process("rig.run.tasks.drive", 28, is_mover=True),
 }

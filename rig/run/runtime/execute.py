@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple
 import msgspec
 
 from comms import bus_folder
-from comms.channels import MS
+from comms.channels import MS, VISION_TASKS
 from comms.clock import MonotonicClock, epoch_now_ns, new_run_clock, stopwatch_s, utc_now
 from comms.endpoints import choose_ports, endpoints
 from comms.errors import CommsError
@@ -142,7 +142,7 @@ def make_task(name: str, settings: Any) -> Task:
         return _make_bench(settings)
     if name == "drive":
         return DriveTask(settings)
-    if name == "vision":
+    if name in VISION_TASKS:
         from vision.task import VisionTask
 
         return VisionTask(settings)

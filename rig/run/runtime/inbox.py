@@ -82,7 +82,7 @@ class Inbox:
         elif isinstance(message, Frame) and telemetry.pixels is not None:
             frame = with_pixels(message, memoryview(telemetry.pixels))
             if isinstance(frame, Frame):
-                self._recorder.picture(frame, now_ns)
+                self._recorder.picture(telemetry.channel, frame, now_ns)
         elif isinstance(message, Message):
             if isinstance(message, RobotState):
                 self.robot.take_state(message)

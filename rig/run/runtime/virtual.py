@@ -81,7 +81,7 @@ class VirtualRunner:
         self._calls = 0  # number of commands and replies so far
         self._hash = hashlib.sha256()
         self._picture_period_ns = round(1e9 / pictures_hz) if pictures_hz > 0 else 0
-        self._next_picture_ns = 0
+        self._next_picture_ns: dict[str, int] = {}  # by channel of frames
         self._truths_sent = 0
         self.t_ns = 0
 
@@ -179,9 +179,9 @@ class VirtualRunner:
         crc32 = 0
         if isinstance(message, Frame):
             crc32 = zlib.crc32(message.pixels.data)
-            if self._picture_period_ns and message.t_ns >= self._next_picture_ns:
-                self._next_picture_ns = message.t_ns + self._picture_period_ns
-                self._recorder.picture(message, self.t_ns)
+            if self._picture_period_ns and message.t_ns >= self._next_picture_ns.get(channel, 0):
+                self._next_picture_ns[channel] = message.t_ns + self._picture_period_ns
+                self._recorder.picture(channel, message, self.t_ns)
         self._hash.update(_STAMP.pack(self.t_ns, channel_id) + encode(channel, message, crc32))
         self._recorder.message(channel, message, self.t_ns, crc32)
 

@@ -1,4 +1,4 @@
-"""The streamer: sends the plan at 100 Hz through the safety gate, and monitors the cable angle.
+"""The streamer: sends the plan at 100 Hz through the safety gate, and monitors the cable angles.
 
 A reference is the plan at the scheduled tick, not at the instant of waking. A run starts only with
 the robot at the start of the move.
@@ -24,8 +24,8 @@ from comms.messages import (
 from comms.replies import Replies
 from comms.task import NO_STEP, Send, Step
 from rig.analysis.identify.errors import AnalysisError
-from rig.analysis.identify.swing import initial_swing_rad
 from rig.errors import FAULT, REFUSED
+from rig.run.tasks.angle_watch import AngleWatch, WatchedCamera
 from rig.run.tasks.controller.phase import ORDERS, Trigger, next_phase, refusal
 from rig.run.tasks.pause import BUSY_HINT, PauseMeter
 from rig.run.tasks.run_out import RunOut
@@ -42,7 +42,7 @@ class StreamerSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
     positions_m: list[Position]  # from t_start on; the last one is repeated until the end
     move_ticks: tuple[int, int]  # first and last tick of the move; (0, 0) = no move
     envelope: Envelope
-    angle_stale_ns: int  # 0 = no camera
+    cameras: list[WatchedCamera] = []
     robot_stale_ns: int = 100 * MS  # largest age of the robot state, from the start on
     natural_frequency_rad_s: float  # of the model; for the fit of the initial swing
     initial_swing_rad: float  # largest amplitude before the move
@@ -65,9 +65,7 @@ class Streamer:
         self._last_sent: Position | None = None
         self._robot: RobotState | None = None
         self._robot_ns = 0  # arrival of the newest robot state
-        self._angle_ns = 0  # arrival of the newest valid angle
-        self._invalid_reason = ""  # of the newest angle, empty if it is valid
-        self._quiet_samples: list[tuple[float, float]] = []  # (t_s, angle_rad) before the move
+        self._angles = AngleWatch(settings.cameras)
         self._pause = PauseMeter(PERIOD_NS)
         self.late_ticks = 0
 
@@ -80,7 +78,9 @@ class Streamer:
         if isinstance(message, Command):
             return self._handle_order(message, t_ns)
         if isinstance(message, AngleSample):
-            self._take_angle(message, t_ns)
+            first, _ = self._settings.move_ticks
+            is_quiet = self._phase is Phase.RUNNING and self._tick < first
+            self._angles.take(channel, message, t_ns, is_quiet=is_quiet)
         elif isinstance(message, RobotState):
             self._robot = message
             self._robot_ns = t_ns
@@ -136,7 +136,8 @@ class Streamer:
         reports = self._check_initial_swing(t_ns) if self._tick < first <= tick else ()
         fault = None
         if self._phase is Phase.RUNNING:
-            fault = self._stale_robot(t_ns) or self._stale_angle(t_ns)
+            fault = self._stale_robot(t_ns)
+            fault = fault or self._angles.stale(t_ns, self._t_start_ns, self._pause)
         if fault is None:
             return reports
         return (*reports, self._stop(fault, FAULT, t_ns))
@@ -144,19 +145,17 @@ class Streamer:
     def _check_initial_swing(self, t_ns: int) -> tuple[Send, ...]:
         """Report the swing before the move; stop where it exceeds its bound."""
         s = self._settings
-        if s.move_ticks == (0, 0) or s.angle_stale_ns == 0:
+        if s.move_ticks == (0, 0) or not self._angles.has_cameras:
             return ()
-        t_s = [t for t, _ in self._quiet_samples]
-        angle_rad = [angle for _, angle in self._quiet_samples]
         try:
-            swing_rad = initial_swing_rad(t_s, angle_rad, s.natural_frequency_rad_s)
+            swing_rad, where = self._angles.initial_swing(s.natural_frequency_rad_s)
         except AnalysisError as error:
             text = f"the swing before the start cannot be measured: {error}"
             if s.move_ticks[0] == 0:  # no quiet interval is configured
                 return (self._report(text, t_ns),)
             hint = "(experiment.quiet_s), or set it to 0 to start without this check"
             return (self._stop(f"{text} {hint}", REFUSED, t_ns),)
-        text = f"the load swings {swing_rad * 1e3:.2f} mrad before the start"
+        text = f"the load swings {swing_rad * 1e3:.2f} mrad{where} before the start"
         if swing_rad <= s.initial_swing_rad:
             return (self._report(text, t_ns),)
         bound = f"must be <= {s.initial_swing_rad * 1e3:.2f} mrad"
@@ -175,31 +174,6 @@ class Streamer:
             f"must be <= {stale_ns / MS:.0f} ms (safety.robot_stale_ms): "
             f"{self._pause.cause(age_ns, 'nothing arrived from the controller')}"
         )
-
-    def _stale_angle(self, t_ns: int) -> str | None:
-        """Describe a cable angle that is too old; None while it is fresh."""
-        stale_ns = self._settings.angle_stale_ns
-        age_ns = t_ns - max(self._angle_ns, self._t_start_ns)
-        if stale_ns == 0 or age_ns <= stale_ns:
-            return None
-        reason = "no picture arrived"
-        if self._invalid_reason:
-            reason = f"last reason: {self._invalid_reason}"
-        return (
-            f"no valid cable angle for {age_ns / MS:.0f} ms; "
-            f"must be <= {stale_ns / MS:.0f} ms ({reason}): "
-            f"{self._pause.cause(age_ns, 'check camera, screen and calibration')}"
-        )
-
-    def _take_angle(self, sample: AngleSample, t_ns: int) -> None:
-        cable = sample.cable
-        if cable is None:
-            self._invalid_reason = sample.reason.value
-            return
-        self._angle_ns = t_ns
-        self._invalid_reason = ""
-        if self._phase is Phase.RUNNING and self._tick < self._settings.move_ticks[0]:
-            self._quiet_samples.append((sample.t_valid_ns * 1e-9, cable.angle_rad))
 
     def _handle_order(self, order: Command, t_ns: int) -> Step:
         refused = refusal(self._phase, order.verb)

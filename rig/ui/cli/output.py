@@ -123,6 +123,9 @@ def _quantities(s: Summary) -> Table:
         planned, true = getattr(s.planned, row.key, None), getattr(s.truth or Quantities(), row.key)
         measured = row.with_sigma(getattr(s.measured, row.key), getattr(s.sigma, row.key))
         table.add_row(row.title, row.plain(planned), measured, row.plain(true))
+    if s.across is not None:
+        title, measured, across_true = s.across.row
+        table.add_row(title, "", measured, across_true)
     return table
 
 
@@ -150,9 +153,16 @@ def _path_lines(s: Summary) -> list[str]:
     return [
         _latency_line(s),
         _reference_line(s),
-        f"vision: {s.angles_valid} of {s.frames} frames with an angle",
+        _vision_line(s),
         f"robot: {s.motion.text}",
     ]
+
+
+def _vision_line(s: Summary) -> str:
+    line = f"vision: {s.angles_valid} of {s.frames} frames with an angle"
+    if s.across is None:
+        return line
+    return f"{line}; camera {s.across.camera}: {s.across.angles_valid} of {s.across.frames}"
 
 
 def _latency_line(s: Summary) -> str:

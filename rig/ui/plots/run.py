@@ -16,7 +16,8 @@ from matplotlib.figure import Figure
 
 from rig.analysis.identify.decay import DecayFit
 from rig.analysis.identify.swing import truth_at
-from rig.analysis.run_log import FloatArray, RunLog
+from rig.analysis.run_log import RunLog
+from rig.analysis.seen_swing import FloatArray
 from rig.ui.plots.style import BLUE, GREEN, GREY, ORANGE, RED, SHADE
 from rig.ui.plots.two_panels import BAND_ALPHA, BAND_PT, DOT_PT, TwoPanels
 

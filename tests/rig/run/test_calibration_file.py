@@ -14,6 +14,7 @@ from rig.errors import ConfigError
 from rig.run import config
 from rig.run.calibration import file as calibration_file
 from rig.run.calibration.file import Calibration
+from rig.run.cameras import cameras
 from rig.run.config import Experiment
 from rig.run.toml_file import convert
 
@@ -39,6 +40,11 @@ def asking_for(calibration: str, *overrides: str) -> Experiment:
     )
 
 
+def found_in(experiment: Experiment) -> tuple[str, Calibration | None]:
+    """Name and contents of the calibration of the first camera."""
+    return calibration_file.find(experiment, cameras(experiment)[0])
+
+
 def saved(path: Path, calibration: Calibration = CALIBRATION) -> str:
     """Write a calibration; return the name of the file."""
     file = path / "calibration.toml"
@@ -49,13 +55,13 @@ def saved(path: Path, calibration: Calibration = CALIBRATION) -> str:
 def refusal(calibration: str, *overrides: str) -> str:
     """Error text of a refused calibration."""
     with pytest.raises(ConfigError) as error:
-        calibration_file.find(asking_for(calibration, *overrides))
+        found_in(asking_for(calibration, *overrides))
     return str(error.value)
 
 
 def test_a_calibration_survives_the_file(tmp_path: Path) -> None:
     name = saved(tmp_path)
-    assert calibration_file.find(asking_for(name)) == (name, CALIBRATION)
+    assert found_in(asking_for(name)) == (name, CALIBRATION)
 
 
 finite = st.floats(-1e4, 1e4)
@@ -89,7 +95,7 @@ def test_any_name_and_any_numbers_survive_the_file_to_the_last_bit(
         sigma_offset_rad=sigma_rad,
     )
     name = saved(tmp_path_factory.getbasetemp(), calibration)
-    assert calibration_file.find(asking_for(name))[1] == calibration
+    assert found_in(asking_for(name))[1] == calibration
 
 
 def test_numbers_of_numpy_are_written_as_plain_numbers(tmp_path: Path) -> None:
@@ -98,14 +104,12 @@ def test_numbers_of_numpy_are_written_as_plain_numbers(tmp_path: Path) -> None:
         CALIBRATION, x_m=list(np.array(x_m)), seed=np.int64(1), pixels_per_m=np.float64(1005.0625)
     )
     name = saved(tmp_path, of_numpy)
-    assert calibration_file.find(asking_for(name))[1] == msgspec.structs.replace(
-        CALIBRATION, x_m=x_m
-    )
+    assert found_in(asking_for(name))[1] == msgspec.structs.replace(CALIBRATION, x_m=x_m)
 
 
 def test_saving_makes_the_folder_it_is_to_lie_in(tmp_path: Path) -> None:
     name = saved(tmp_path / "not" / "yet" / "there")
-    assert calibration_file.find(asking_for(name))[1] == CALIBRATION
+    assert found_in(asking_for(name))[1] == CALIBRATION
 
 
 def test_shipped_is_the_newest_one_shipped_and_fits_the_shipped_experiments() -> None:
@@ -114,7 +118,7 @@ def test_shipped_is_the_newest_one_shipped_and_fits_the_shipped_experiments() ->
         chosen = config.read_experiment(experiment, [])
         if not chosen.camera.rate_hz:
             continue
-        name, calibration = calibration_file.find(chosen)
+        name, calibration = found_in(chosen)
         assert name == newest
         assert calibration is not None
         assert calibration == convert(config.read_shipped_calibration(newest), Calibration)
@@ -129,7 +133,7 @@ def test_shipped_is_the_newest_one_shipped_and_fits_the_shipped_experiments() ->
     ],
 )
 def test_no_calibration_is_read_when_none_is_needed(calibration: str, override: str) -> None:
-    assert calibration_file.find(asking_for(calibration, override)) == (calibration, None)
+    assert found_in(asking_for(calibration, override)) == (calibration, None)
 
 
 def test_a_missing_file_is_answered_with_how_to_make_one() -> None:

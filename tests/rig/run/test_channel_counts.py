@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from comms.channels import TASKS_WITH_DRIVE
+from comms.channels import ALL_TASKS
 from comms.link import LinkCount
 from rig.run.runtime.channel_counts import ChannelCounts
 
@@ -12,7 +12,7 @@ from rig.run.runtime.channel_counts import ChannelCounts
 def settled(channel: str, sent: int, delivered: int) -> LinkCount:
     """Settle one channel of a run with a drive."""
     ends = {"can_down": ("drive", "bench"), "reference": ("streamer", "controller")}[channel]
-    counts = ChannelCounts(TASKS_WITH_DRIVE)
+    counts = ChannelCounts(ALL_TASKS)
     counts.add(channel, ends[0], LinkCount(sent=sent))
     counts.add(channel, ends[1], LinkCount(delivered=delivered))
     return counts.settle(0)[channel]

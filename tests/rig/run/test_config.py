@@ -26,6 +26,7 @@ SECTIONS = (
 )
 LINKS = "reference, setpoint, joint_state, robot_state, platform_1, frame_1, angle_1"
 LINKS += ", can_down, can_up"
+LINKS += ", platform_2, frame_2, angle_2, platform_3, frame_3, angle_3"
 
 
 def said(path: Path, text: str) -> str:
@@ -240,12 +241,12 @@ def test_a_file_that_is_no_text_is_refused_in_words(tmp_path: Path) -> None:
 @pytest.mark.parametrize("port", [-1, 80, 1023, 65_519, 999_999])
 def test_a_first_port_that_no_run_may_use_is_refused(port: int) -> None:
     assert said_of_override(f"network.base_port={port}") == (
-        f"[network] base_port = {port}; must be 1024 to 65518, the first of 18 ports, "
+        f"[network] base_port = {port}; must be 1024 to 65508, the first of 28 ports, "
         "or 0 for free ones"
     )
 
 
-@pytest.mark.parametrize("port", [0, 1024, 65_518])
+@pytest.mark.parametrize("port", [0, 1024, 65_508])
 def test_a_first_port_leaves_room_for_all_ports_of_a_run(port: int) -> None:
     chosen = config.read_experiment("move", [f"network.base_port={port}"]).network.base_port
     assert chosen == port

@@ -184,6 +184,15 @@ def test_setpoints_leave_at_every_tick_and_the_state_at_every_other_one_to_both_
     assert channels == [["robot_state", "platform_1"], []] * 10
 
 
+@pytest.mark.parametrize("count", [0, 1, 2, 3])
+def test_the_state_goes_to_the_streamer_and_to_the_vision_task_of_every_camera(count: int) -> None:
+    controller = ControllerTask(ControllerSettings(reference_stale_ns=STALE_NS, cameras=count))
+    controller.start(T_START_NS - TICK_NS)
+    (step,) = run(controller, range(1))
+    channels = [send.channel for send in step.sends if isinstance(send.message, RobotState)]
+    assert channels == ["robot_state", *["platform_1", "platform_2", "platform_3"][:count]]
+
+
 def test_setpoints_and_states_are_counted_without_a_gap() -> None:
     steps = run(after(Verb.ARM), range(20))
     assert [s.seq for step in steps for s in setpoints(step)] == list(range(20))

@@ -224,5 +224,5 @@ def test_the_bus_and_the_file_of_the_operator_have_the_addresses_of_the_run(
     run(tmp_path, monkeypatch, FloodedBus, Recorder())
     assert FloodedBus.newest.addresses["commands"] == f"tcp://{HOST}:40000"
     assert [file.address for file in written] == [f"tcp://{HOST}:40000"]
-    assert written[0].stop_ports == {"controller": 40_016, "streamer": 40_017}
+    assert written[0].stop_ports == {"controller": 40_026, "streamer": 40_027}
     assert not (tmp_path / operator_file.NAME).exists()  # the run has ended

@@ -23,6 +23,7 @@ from comms.messages import (
     Verb,
 )
 from comms.task import NO_STEP, Step
+from rig.run.tasks.angle_watch import WatchedCamera
 from rig.run.tasks.safety import Envelope
 from rig.run.tasks.streamer import PERIOD_NS, Streamer, StreamerSettings, build
 
@@ -45,11 +46,11 @@ SETTINGS = StreamerSettings(
     envelope=Envelope(
         position_min_m=-0.25, position_max_m=0.25, speed_m_s=1.1, acceleration_m_s2=5.5
     ),
-    angle_stale_ns=0,
     natural_frequency_rad_s=OMEGA_RAD_S,
     initial_swing_rad=0.01,
 )
-WATCHED = msgspec.structs.replace(SETTINGS, angle_stale_ns=300 * MS)
+WATCHED = msgspec.structs.replace(SETTINGS, cameras=[WatchedCamera(stale_ns=300 * MS)])
+PATIENT = msgspec.structs.replace(SETTINGS, cameras=[WatchedCamera(stale_ns=60_000 * MS)])
 
 
 def order(verb: Verb, t_ns: int = 0, t_start_ns: int = T_START_NS, id: int = 7) -> Command:
@@ -100,7 +101,8 @@ def angle(
 
 def tell(streamer: Streamer, message: Message, t_ns: int) -> Step:
     """Pass a message to the task."""
-    return streamer.on_message("-", message, t_ns)
+    channel = "angle_1" if isinstance(message, AngleSample) else "-"
+    return streamer.on_message(channel, message, t_ns)
 
 
 def replies(step: Step) -> list[Reply]:
@@ -495,7 +497,7 @@ def test_a_late_tick_over_the_start_of_the_move_does_not_skip_the_check() -> Non
 def test_a_move_is_refused_when_the_quiet_interval_is_too_short_for_the_initial_swing(
     first: int, last: int
 ) -> None:
-    streamer = started(msgspec.structs.replace(WATCHED, angle_stale_ns=60_000 * MS))
+    streamer = started(PATIENT)
     play(streamer, range(first))
     steps = see(streamer, range(first, last), 0.05) + play(streamer, range(last, last + 1))
     (news,) = [r for step in steps for r in replies(step)]
@@ -505,11 +507,7 @@ def test_a_move_is_refused_when_the_quiet_interval_is_too_short_for_the_initial_
 
 
 def test_a_move_without_quiet_time_starts_without_the_check_and_reports_it() -> None:
-    streamer = started(
-        msgspec.structs.replace(
-            WATCHED, angle_stale_ns=60_000 * MS, move_ticks=(0, WATCHED.move_ticks[1])
-        )
-    )
+    streamer = started(msgspec.structs.replace(PATIENT, move_ticks=(0, PATIENT.move_ticks[1])))
     (news,) = [r for step in play(streamer, range(1)) for r in replies(step)]
     assert (news.ok, news.exit) == (True, None)
     assert "the swing before the start cannot be measured" in news.text

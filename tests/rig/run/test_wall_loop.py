@@ -12,7 +12,7 @@ import msgspec
 import pytest
 
 from comms import bus_folder
-from comms.endpoints import PORTS, TCP_PORTS
+from comms.endpoints import DATAGRAMS, PORTS, TCP_PORTS
 from comms.errors import LogError, PortInUse
 from comms.mcap_log import read_log
 from comms.udp import port_is_free
@@ -53,6 +53,20 @@ def test_the_loop_over_sockets_ends_well_and_every_link_balances(tmp_path):
     assert min(row.delivered for row in summary.links.values()) > 100
     assert summary.measured.cable_length_m == pytest.approx(0.98, abs=0.01)
     assert not (ran.folder / "operator.json").exists()
+
+
+def test_two_cameras_have_a_process_each_and_all_their_links_balance(tmp_path):
+    chosen = config.read_experiment("two_cameras", BRIEF)
+    ran = experiment.run(chosen, "wall", tmp_path, quietly, quietly)
+    analysis = RunAnalysis(ran.folder / LOG)
+    assert (ran.outcome.exit_code, ran.outcome.reasons) == (0, [])
+    assert {"vision", "vision_2"} <= analysis.summary.cpu_share.keys()
+    links = analysis.summary.links
+    assert {"platform_2", "frame_2", "angle_2"} <= links.keys()
+    assert "frame_3" not in links
+    assert {row.unexplained for row in links.values()} == {0}
+    assert min(row.delivered for row in links.values()) > 100
+    assert analysis.run.log.topics["/camera_2/image"]
 
 
 def test_wall_and_virtual_lose_the_very_same_references(tmp_path):
@@ -251,7 +265,7 @@ DATAGRAM_PORT = TCP_PORTS  # receiver of the first channel on UDP; the sender ha
 PORT_OF = {
     "a receiver of datagrams": (DATAGRAM_PORT, "UDP port"),
     "a sender of datagrams": (DATAGRAM_PORT + 1, "UDP port"),
-    "the last sender": (PORTS - 3, "UDP port"),
+    "the last sender": (DATAGRAM_PORT + 2 * DATAGRAMS.index("angle_1") + 1, "UDP port"),
     "the bus": (0, "tcp://127.0.0.1:"),
     "the frames": (3, "tcp://127.0.0.1:"),
 }

@@ -184,10 +184,12 @@ def test_analyze_gives_the_result_of_the_run(rig, recorded):
 def test_the_shipped_calibration_is_what_the_command_makes(rig):
     from rig.run import config
     from rig.run.calibration import file as calibration_file
+    from rig.run.cameras import cameras
 
     code, said, _ = rig("calibrate", "offsets", "--virtual", "--json", "--out", "again.toml")
     made = msgspec.json.decode(said)["calibration"]
-    _, shipped = calibration_file.find(config.read_experiment("move", []))
+    chosen = config.read_experiment("move", [])
+    _, shipped = calibration_file.find(chosen, cameras(chosen)[0])
     assert code == 0
     assert made["offset_rad"] == pytest.approx(shipped.offset_rad, abs=5e-6)
     assert made["pixels_per_m"] == pytest.approx(shipped.pixels_per_m, abs=0.05)

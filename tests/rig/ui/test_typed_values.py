@@ -38,10 +38,10 @@ ABSURD = {
     ),
     "a folder": (["run", "."], "experiment '.': a folder; must be a TOML file"),
     "a port that is none": (
-        ["doctor", "--base-port", "999999"], "--base-port = 999999; must be 1024 to 65518",
+        ["doctor", "--base-port", "999999"], "--base-port = 999999; must be 1024 to 65508",
     ),
     "a port of the system": (
-        ["doctor", "--base-port", "80"], "--base-port = 80; must be 1024 to 65518",
+        ["doctor", "--base-port", "80"], "--base-port = 80; must be 1024 to 65508",
     ),
     "a port by key": (
         ["run", "--virtual", "--set", "network.base_port=80"], "[network] base_port = 80; must be",

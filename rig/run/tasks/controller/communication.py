@@ -10,7 +10,9 @@ from rig.run.tasks.controller.joints import PlatformState
 class Communication:
     """Newest reference and platform state with their arrival, and the robot state made of them."""
 
-    def __init__(self) -> None:
+    def __init__(self, cameras: int) -> None:
+        """cameras: number of vision tasks in the run."""
+        self._channels = ("robot_state", *(f"platform_{k + 1}" for k in range(cameras)))
         self.reference: Reference | None = None
         self.reference_ns = 0  # arrival
         self.platform: PlatformState | None = None
@@ -29,7 +31,7 @@ class Communication:
         self.platform_ns = t_ns
 
     def state(self, commanded_m: Position, phase: Phase, t_ns: int) -> tuple[Send, ...]:
-        """Send the robot state to streamer and vision; nothing before the first measurement."""
+        """Send the robot state to streamer and vision tasks, after the first measurement."""
         if self.platform is None:
             return ()
         state = RobotState(
@@ -42,4 +44,4 @@ class Communication:
             phase=phase,
         )
         self._seq += 1
-        return (Send("robot_state", state, t_ns), Send("platform_1", state, t_ns))
+        return tuple(Send(channel, state, t_ns) for channel in self._channels)

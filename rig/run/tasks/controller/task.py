@@ -49,6 +49,7 @@ class ControllerSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
     following_error_m: float = 0.02  # largest one, for longer than following_error_ns
     following_error_ns: int = 50 * MS
     robot: RobotSettings = RobotSettings()
+    cameras: int = 1  # of the run; each has a vision task that is sent the state
 
 
 class ControllerTask:
@@ -66,7 +67,7 @@ class ControllerTask:
         self._reference_stale_ns = settings.reference_stale_ns
         self._robot_stale_ns = settings.robot_stale_ns
         self._phase = Phase.IDLE
-        self._io = Communication()
+        self._io = Communication(settings.cameras)
         self._interpolator: Interpolator | None = None
         self._gate: SetpointGate | None = None
         self._following = FollowingWatch(

@@ -1,0 +1,38 @@
+"""The table `[vision]` of an experiment: what the trackers believe of their cameras."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from msgspec import Meta
+
+from comms.channels import MAX_CAMERAS
+from rig.run.toml_file import Section
+
+Pixel = Annotated[float, Meta(ge=-1e5, le=1e5)]
+Scale = Annotated[float, Meta(gt=0, le=1e6)]  # pixels per metre
+
+
+class CameraBelief(Section, frozen=True, kw_only=True):
+    """`[[vision.cameras]]`: one camera; what is left out is that of [vision] and [camera]."""
+
+    plane: Literal["x", "y"] = "x"  # of the swing that it sees
+    calibration: str | None = None
+    rough_pivot_px: tuple[Pixel, Pixel] | None = None
+    rough_pixels_per_m: Scale | None = None
+    rate_hz: Annotated[float, Meta(ge=0, le=200)] = 0.0  # 0 = that of [camera]
+
+
+class VisionSection(Section, frozen=True, kw_only=True):
+    """`[vision]`: settings of the tracker.
+
+    calibration: a file, "shipped", or "none" (rough_* are used then). cameras: in the order of
+    [[bench.cameras]]; without them there is one camera, in the plane x.
+    """
+
+    calibration: str = "shipped"
+    average_frames: Annotated[int, Meta(ge=1, le=50)] = 3
+    processing_ms: Annotated[float, Meta(ge=0, le=1000)] = 2.0
+    rough_pivot_px: tuple[Pixel, Pixel] = (321.0, -38.0)  # estimated without calibration
+    rough_pixels_per_m: Scale = 1005.0
+    cameras: Annotated[list[CameraBelief], Meta(max_length=MAX_CAMERAS)] = []

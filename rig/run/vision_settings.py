@@ -1,0 +1,31 @@
+"""Settings of the vision tasks of a run: one task a camera."""
+
+from __future__ import annotations
+
+from comms.channels import MS
+from rig.run.calibration.file import Calibration
+from rig.run.cameras import Camera
+from rig.run.config import Experiment
+from vision.task import VisionSettings
+
+IDLE_CAMERA_RATE_HZ = 50.0  # setting of an idle vision task in a run without a camera
+
+
+def vision_settings(
+    experiment: Experiment, camera: Camera, calibration: Calibration | None
+) -> VisionSettings:
+    """Compose the settings of the task of a camera."""
+    v = experiment.vision
+    return VisionSettings(
+        camera=camera.number,
+        swing_plane=camera.plane,
+        width=experiment.camera.width,
+        height=experiment.camera.height,
+        period_ns=round(1e9 / (camera.rate_hz or IDLE_CAMERA_RATE_HZ)),
+        average_frames=v.average_frames,
+        processing_ns=round(v.processing_ms * MS),
+        pivot_home_px=calibration.pivot_home_px if calibration else camera.rough_pivot_px,
+        pixels_per_m=calibration.pixels_per_m if calibration else camera.rough_pixels_per_m,
+        x_m=calibration.x_m if calibration else [],
+        offset_rad=calibration.offset_rad if calibration else [],
+    )
