@@ -192,7 +192,7 @@ def test_time_does_not_run_backwards() -> None:
         ({"pendulum": {"length_m": -0.2}}, r"length_m"),
         ({"pendulum": {"lenght_m": 0.2}}, r"lenght_m"),
         ({"robot": {"bandwidth_hz": "fast"}}, r"bandwidth_hz"),
-        ({"camera": {"noise": 1e6}}, r"noise"),
+        ({"cameras": [{"noise": 1e6}]}, r"noise"),
         ({"view": {"width": 0}}, r"width"),
         ({"view": {"rate_hz": 200.0}}, r"exposure_ms = 10.0 .*must be <= 5 ms"),
     ],

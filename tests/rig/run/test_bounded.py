@@ -7,7 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from comms.messages import Position, Reference
@@ -136,6 +136,7 @@ places = st.floats(-0.25, 0.25)
 
 
 @given(st.lists(st.tuples(st.integers(0, 300), places, places), max_size=80))
+@example([(219, 0.0, 0.0), (222, 0.0, 0.25)])  # 30 ms apart, to the end of the workspace
 def test_whatever_references_arrive_setpoints_keep_speed_and_acceleration(
     arrivals: list[tuple[int, float, float]],
 ) -> None:

@@ -94,14 +94,24 @@ class Bounded:
         duration_s = ticks * TICK_S
         self._from, self._served, self._planned = start, 0, ticks
         goal = self._open_goal()
+        self._velocity = self._reachable(start, goal, duration_s)
+        end = moved(start, self._velocity, duration_s)
+        if self._is_on_plan and goal is not None and not _is_near(end, goal):
+            # the references ask for more than the envelope: the workspace bounds the way as well
+            self._is_on_plan = False
+            self._velocity = self._reachable(start, goal, duration_s)
+            end = moved(start, self._velocity, duration_s)
+        self._end = self._workspace.inside(end)
+        if goal is not None and _is_near(self._end, goal):
+            self._end = goal
+            self._is_met = True
+
+    def _reachable(self, start: Position, goal: Position | None, duration_s: float) -> Velocity:
+        """Compute the velocity of a window towards the goal that the past ticks allow."""
         wanted = ZERO  # without a newer goal
         if goal is not None and goal != start:
             wanted = self._towards(start, goal, duration_s)
-        self._velocity = between(self._past[-1], wanted, self._share_in_reach(wanted))
-        self._end = self._workspace.inside(moved(start, self._velocity, duration_s))
-        if goal is not None and math.dist(self._end, goal) <= POSITION_ROUNDING_M:
-            self._end = goal
-            self._is_met = True
+        return between(self._past[-1], wanted, self._share_in_reach(wanted))
 
     def _open_goal(self) -> Position | None:
         """Return the goal that was not reached so far."""
@@ -148,3 +158,7 @@ class Bounded:
                 reach = share_inside(last, wanted, velocity, self._change_m_s)
                 share = min(share, reach)
         return share
+
+
+def _is_near(position: Position, goal: Position) -> bool:
+    return math.dist(position, goal) <= POSITION_ROUNDING_M
