@@ -24,7 +24,7 @@ from comms.replies import Replies
 from comms.task import NO_STEP, Send, Step
 from vision.filters import MovingAverage
 from vision.geometry import PivotModel
-from vision.offset_table import Offset, OffsetTable
+from vision.offset_table import LightOffsets, Offset, OffsetTable
 from vision.ridge import grey_levels
 from vision.sources import red_plane
 from vision.tracker import Fit, Tracker
@@ -49,6 +49,8 @@ class VisionSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
     pixels_per_m: float
     x_m: list[float]
     offset_rad: list[float]
+    background: float | None = None  # level of the screen at these offsets
+    lights: list[LightOffsets] = []  # offsets at the same positions in other light
     average_frames: int = 3
     processing_ns: int = 2_000_000  # from the arrival of the frame to the sending of the angle
     max_extrapolation_ns: int = 20_000_000  # of the platform position, from its nearest sample
@@ -74,7 +76,9 @@ class VisionTask:
         self._pivot = PivotModel(home_px=settings.pivot_home_px, pixels_per_m=settings.pixels_per_m)
         self._offsets: OffsetTable | None = None
         if settings.x_m or settings.offset_rad:
-            self._offsets = OffsetTable(settings.x_m, settings.offset_rad)
+            self._offsets = OffsetTable(
+                settings.x_m, settings.offset_rad, settings.background, settings.lights
+            )
         max_gap_ns = int(MAX_GAP_PERIODS * settings.period_ns)
         self._average = MovingAverage(settings.average_frames, max_gap_ns)
         self._platform: deque[PlatformPoint] = deque(maxlen=MAX_PLATFORM_SAMPLES)
@@ -119,7 +123,7 @@ class VisionTask:
         middle_ns = frame.t_exposure_start_ns + frame.exposure_ns // 2
         place_m = self._platform_at(middle_ns)
         fit, reason = self._measure(frame, place_m)
-        offset = self._offset_at(place_m or 0.0)
+        offset = self._offset_at(place_m or 0.0, fit.background)
         if reason is InvalidReason.NONE and not offset.within:
             reason = InvalidReason.OUT_OF_RANGE
         t_valid_ns = middle_ns
@@ -195,8 +199,8 @@ class VisionTask:
         nearest = before[-1] if before else after[0]
         return nearest.place_m + nearest.v_m_s * (t_ns - nearest.t_ns) / NS_PER_S
 
-    def _offset_at(self, place_m: float) -> Offset:
-        return self._offsets.at(place_m) if self._offsets else Offset(0.0, within=True)
+    def _offset_at(self, place_m: float, background: float) -> Offset:
+        return self._offsets.at(place_m, background) if self._offsets else Offset(0.0, within=True)
 
     def _readout_delay_ns(self, frame: Frame) -> int:
         """Compute the delay of the angle after the exposure of row 0, for a rolling shutter [ns].

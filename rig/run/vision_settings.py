@@ -28,4 +28,6 @@ def vision_settings(
         pixels_per_m=calibration.pixels_per_m if calibration else camera.rough_pixels_per_m,
         x_m=calibration.x_m if calibration else [],
         offset_rad=calibration.offset_rad if calibration else [],
+        background=calibration.background if calibration else None,
+        lights=calibration.light_offsets() if calibration else [],
     )

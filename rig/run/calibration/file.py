@@ -15,7 +15,18 @@ from rig.run import config, toml_file
 from rig.run.cameras import Camera
 from rig.run.vision_section import Pixel, Scale
 from vision.errors import VisionError
-from vision.offset_table import OffsetTable
+from vision.offset_table import LightOffsets, OffsetTable
+
+Level = Annotated[float, Meta(ge=0.0, le=255.0)]
+MAX_APART_M = 1e-3  # between the positions of two tours
+
+
+class LightRow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Offsets in another light (`[[lights]]`), at the positions of the file."""
+
+    background: Level
+    offset_rad: list[float]
+    sigma_offset_rad: list[float]
 
 
 class Calibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -33,6 +44,12 @@ class Calibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     sigma_offset_rad: list[float]
     number: Annotated[int, Meta(ge=1, le=MAX_CAMERAS)] = 1  # of the camera
     plane: Literal["x", "y"] = "x"  # of the swing that it sees
+    background: Level | None = None  # level of the screen in the pictures, 0 to 255
+    lights: tuple[LightRow, ...] = ()
+
+    def light_offsets(self) -> list[LightOffsets]:
+        """List the offsets in the other lights."""
+        return [LightOffsets(light.background, light.offset_rad) for light in self.lights]
 
 
 def find(experiment: config.Experiment, camera: Camera) -> tuple[str, Calibration | None]:
@@ -77,10 +94,57 @@ def find(experiment: config.Experiment, camera: Camera) -> tuple[str, Calibratio
             f"must be {expected} as in [camera]: calibrate again"
         )
     try:
-        OffsetTable(calibration.x_m, calibration.offset_rad)
+        _table(calibration)
     except VisionError as error:
         raise ConfigError(f"calibration '{name}': {error}") from None
     return name, calibration
+
+
+def _table(calibration: Calibration) -> OffsetTable:
+    """Make the table of a file; raises VisionError."""
+    c = calibration
+    return OffsetTable(c.x_m, c.offset_rad, c.background, c.light_offsets())
+
+
+def read(path: Path) -> Calibration:
+    """Read a calibration file; raises ConfigError."""
+    if not path.is_file():
+        raise ConfigError(
+            f"calibration '{path}': no such file; make one with `rig calibrate offsets`"
+        )
+    tables = toml_file.read_toml(path, "calibration", "make it again")
+    return toml_file.convert(tables, Calibration, "calibration")
+
+
+def with_light(old: Calibration, new: Calibration, name: str) -> Calibration:
+    """Add the offsets of a new calibration, made in another light, to an old one.
+
+    Pivot and scale stay those of the old one. Raises ConfigError for a calibration of another
+    camera or at other positions, for one without its light, and for a light that is there already.
+    """
+    for key in ("camera", "number", "plane", "width", "height"):
+        if getattr(old, key) != getattr(new, key):
+            raise ConfigError(
+                f"calibration '{name}' is for {key} = {getattr(old, key)!r}; must be for "
+                f"{getattr(new, key)!r} as in this run: write another file with --out"
+            )
+    apart_m = [abs(a - b) for a, b in zip(old.x_m, new.x_m, strict=False)]
+    if len(old.x_m) != len(new.x_m) or max(apart_m) > MAX_APART_M:
+        raise ConfigError(
+            f"calibration '{name}' has positions {old.x_m}; must be {new.x_m} to "
+            f"{MAX_APART_M * 1e3:g} mm as in this run: write another file with --out"
+        )
+    row = LightRow(
+        background=new.background or 0.0,
+        offset_rad=new.offset_rad,
+        sigma_offset_rad=new.sigma_offset_rad,
+    )
+    added = msgspec.structs.replace(old, made=new.made, lights=(*old.lights, row))
+    try:
+        _table(added)
+    except VisionError as error:
+        raise ConfigError(f"calibration '{name}': {error}") from None
+    return added
 
 
 def text(calibration: Calibration) -> str:
@@ -89,8 +153,14 @@ def text(calibration: Calibration) -> str:
         "# Made by `rig calibrate offsets`: "
         "pivot and scale in the picture, angle offset over platform position."
     ]
-    for name, value in msgspec.structs.asdict(calibration).items():
-        lines.append(f"{name} = {_toml(value)}")
+    tables = msgspec.structs.asdict(calibration)
+    lights = tables.pop("lights")
+    lines += [f"{name} = {_toml(value)}" for name, value in tables.items() if value is not None]
+    for light in lights:
+        lines.append("\n[[lights]]")
+        lines += [
+            f"{name} = {_toml(value)}" for name, value in msgspec.structs.asdict(light).items()
+        ]
     return "\n".join(lines) + "\n"
 
 

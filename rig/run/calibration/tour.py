@@ -101,6 +101,7 @@ def fit(
         x_m=[round(float(x), 6) for x in found.x_m],
         offset_rad=[round(float(o), 9) for o in found.offset_rad],
         sigma_offset_rad=[round(float(s), 9) for s in found.sigma_offset_rad],
+        background=round(float(np.median([a.background for a in samples])), 2),
     )
     return found, calibration
 

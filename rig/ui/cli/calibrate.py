@@ -11,7 +11,7 @@ from rich.progress import Progress
 
 from rig.analysis.identify.offsets import OffsetCalibration
 from rig.analysis.run_log import RunLog
-from rig.errors import Stopped
+from rig.errors import ConfigError, Stopped
 from rig.run import config, experiment
 from rig.run.calibration import file as calibration_file
 from rig.run.calibration import tour as calibration_run
@@ -42,6 +42,14 @@ def offsets(
             help="Calibration file; calibration_<date>_<camera>.toml by default.",
         ),
     ] = None,
+    add: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Calibration file to which the offsets in the present light are added, in place "
+            "of a new file.",
+        ),
+    ] = None,
     name: Annotated[
         str,
         typer.Option(
@@ -59,8 +67,12 @@ def offsets(
 ) -> int:
     """Drive to five positions and fit offset table, pivot and scale of the camera.
 
-    The camera measures two swing periods at each position.
+    The camera measures two swing periods at each position. The offset changes with the light:
+    change it, and calibrate again with --add.
     """
+    if add is not None and output is not None:
+        raise ConfigError("--add with --out; must be one of the two: remove one")
+    before = None if add is None else calibration_file.read(add)
     changes = list(overrides or [])
     if seed is not None:
         changes.append(f"experiment.seed={seed}")
@@ -86,7 +98,9 @@ def offsets(
     if ran.outcome.exit_code:
         raise Stopped("; ".join(ran.outcome.reasons), ran.outcome.exit_code)
     found, calibration = calibration_run.fit(RunLog.open(ran.folder / LOG), chosen, tour.dwells_s)
-    path = output or calibration_run.default_path(Path(), calibration)
+    if before is not None:
+        calibration = calibration_file.with_light(before, calibration, str(add))
+    path = add or output or calibration_run.default_path(Path(), calibration)
     calibration_file.save(calibration, path)
     if as_json:
         print_json({"file": str(path), "run_dir": str(ran.folder), "calibration": calibration})
@@ -98,7 +112,8 @@ def offsets(
 def _print_calibration(
     found: OffsetCalibration, calibration: calibration_file.Calibration, path: Path
 ) -> None:
-    title = f"angle offset over position, {calibration.camera}"
+    level = calibration.lights[-1].background if calibration.lights else calibration.background
+    title = f"angle offset over position, {calibration.camera}, light {level:.0f} of 255"
     table = boxed_table(title, OFFSET_COLUMNS, left=0)
     for x, offset, sigma, swing in zip(
         found.x_m, found.offset_rad, found.sigma_offset_rad, found.amplitude_rad, strict=True

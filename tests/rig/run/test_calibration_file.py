@@ -17,6 +17,9 @@ from rig.run.calibration.file import Calibration
 from rig.run.cameras import cameras
 from rig.run.config import Experiment
 from rig.run.toml_file import convert
+from rig.run.vision_settings import vision_settings
+from vision.offset_table import OffsetTable
+from vision.task import VisionSettings
 
 CALIBRATION = Calibration(
     made="2026-01-02T03:04:05+00:00",
@@ -220,3 +223,52 @@ def test_a_broken_file_is_refused_before_anything_starts(
     assert line in text
     file.write_text(text.replace(line, instead))
     assert expected in refusal(str(file))
+
+
+IN_LIGHT = msgspec.structs.replace(CALIBRATION, background=200.0)
+DARKER = msgspec.structs.replace(
+    CALIBRATION, background=90.0, offset_rad=[offset - 1e-3 for offset in CALIBRATION.offset_rad]
+)
+
+
+def test_offsets_in_another_light_are_added_to_a_file_and_survive_it(tmp_path: Path) -> None:
+    both = calibration_file.with_light(IN_LIGHT, DARKER, "cal.toml")
+    assert (both.background, both.offset_rad) == (200.0, IN_LIGHT.offset_rad)
+    assert both.light_offsets() == [(90.0, DARKER.offset_rad)]
+    name = saved(tmp_path, both)
+    assert found_in(asking_for(name)) == (name, both)
+
+
+@pytest.mark.parametrize(
+    ("old", "change", "told"),
+    [
+        (IN_LIGHT, {"camera": "other"}, "is for camera = 'red_plane'; must be for 'other'"),
+        (IN_LIGHT, {"width": 320}, "is for width = 640; must be for 320"),
+        (IN_LIGHT, {"background": 200.4}, "lights of 200.0 and 200.4 grey levels; must be 1 apart"),
+        (CALIBRATION, {}, "the first without its level"),
+    ],
+)
+def test_a_light_that_does_not_fit_the_file_is_refused(
+    old: calibration_file.Calibration, change: dict[str, object], told: str
+) -> None:
+    new = msgspec.structs.replace(DARKER, **change)
+    with pytest.raises(ConfigError, match=told):
+        calibration_file.with_light(old, new, "cal.toml")
+
+
+def test_a_tour_of_other_positions_is_not_added() -> None:
+    moved = [x + 0.01 for x in DARKER.x_m]
+    new = msgspec.structs.replace(DARKER, x_m=moved)
+    with pytest.raises(ConfigError, match=r"has positions .*; must be .* to 1 mm as in this run"):
+        calibration_file.with_light(IN_LIGHT, new, "cal.toml")
+
+
+def test_the_tracker_is_given_the_offsets_of_every_light(tmp_path: Path) -> None:
+    both = calibration_file.with_light(IN_LIGHT, DARKER, "cal.toml")
+    chosen = asking_for(saved(tmp_path, both))
+    (camera,) = cameras(chosen)
+    settings = vision_settings(chosen, camera, both)
+    again = msgspec.json.decode(msgspec.json.encode(settings), type=VisionSettings)
+    table = OffsetTable(again.x_m, again.offset_rad, again.background, again.lights)
+    middle = 0.5 * (IN_LIGHT.offset_rad[0] + DARKER.offset_rad[0])
+    assert table.at(both.x_m[0], 145.0).offset_rad == pytest.approx(middle)
