@@ -17,6 +17,7 @@ PAGES = (
     "docs/motions.md",
     "docs/drives.md",
     "docs/vision.md",
+    "docs/scenes.md",
     "docs/wire.md",
     "docs/sources.md",
     "docs/glossary.md",
