@@ -1,4 +1,4 @@
-"""Frames of a video file."""
+"""Sources of frames: what the user names, opened as what it is."""
 
 from __future__ import annotations
 
@@ -6,15 +6,16 @@ import os
 from collections.abc import Iterator
 from itertools import count
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 
 from vision.errors import VisionError
+from vision.stream import FrameSource, Image, SourceOptions
+from vision.video_file import VideoFile
 
-Image = np.ndarray[Any, np.dtype[np.uint8]]
-
+DEFAULT_OPTIONS = SourceOptions()
 RED = 2  # OpenCV orders blue, green, red
 MIN_FPS, MAX_FPS = 1.0, 10_000.0  # containers without a rate report 0, NaN, 90,000 or 1,000,000
 
@@ -25,6 +26,18 @@ class VideoFrame(NamedTuple):
     number: int  # from 0
     t_s: float  # from the first frame
     red: Image  # red plane, (height, width) uint8
+
+
+def open_source(where: str | Path, options: SourceOptions = DEFAULT_OPTIONS) -> FrameSource:
+    """Open a source of frames by name.
+
+    where: video file, folder of pictures, printf pattern of pictures, number or path of a camera,
+    text of a GStreamer pipeline. Raises VisionError with what was found and the next step.
+    """
+    path = Path(where)
+    if not path.is_file():
+        raise VisionError(f"{path}: no such file; need a video file: check the path")
+    return VideoFile(path, options)
 
 
 def video_frames(path: Path) -> Iterator[VideoFrame]:
