@@ -1,0 +1,169 @@
+"""First look at a video: view, cable, static scene and pivot, from some 30 spread pictures."""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vision.cable_lines import CableLines, PictureLine, cable_lines, swing_of
+from vision.free_lines import FreeLine, find_lines
+from vision.line_fit import Grey, ImageLine
+from vision.pivot_fit import Pivot, meeting_point
+from vision.ridge import grey_levels
+from vision.static_scene import StaticScene, median_picture
+from vision.templates import CableLook
+from vision.view import Point, Region, View
+from vision.view_choice import choose_view
+
+MAX_PIVOT_SCATTER_PX = 2.0  # of lines that meet in one point
+MAX_PIVOT_SIGMA_PX = 20.0  # of the row of a pivot that is told
+MIN_MOVED_PX = 0.05  # at the lower end of the line; less is no motion
+MOVED_SIGMAS = 4.0
+MAX_STATIC_LINES = 4
+STATIC_PIVOT_PX = 12.0  # a static line nearer to the pivot passes through it
+
+
+class Subject(enum.Enum):
+    """Subject of the pictures."""
+
+    CABLE = "cable"  # one that swings
+    STILL = "still"  # lines that do not move: a cable at rest, or none at all
+    BOB = "bob"  # a moving blob without a visible cable
+    NOTHING = "nothing"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LookChoices:
+    """Choices of the user; None = find it."""
+
+    plane: str | None = None
+    is_bright: bool | None = None
+    turns: int | None = None
+    width_px: float | None = None
+    region: Region | None = None
+    at_rest: bool = False  # a cable that never moves is measured
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LookFinding:
+    """Finding of the first look; parameter and value: what to try."""
+
+    text: str
+    parameter: str = ""
+    value: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Look:
+    """Result of a first look. Places and lines are those of the view."""
+
+    view: View
+    subject: Subject
+    size: tuple[int, int]  # width and height of the pictures
+    median: Grey  # of the view: what never moves, and a cable that hardly does
+    scene: StaticScene | None = None  # None: the cable cannot be told from what never moves
+    cable: CableLook | None = None
+    pivot: Pivot | None = None
+    lines: tuple[PictureLine | None, ...] = ()  # one for each picture
+    static_lines: tuple[FreeLine, ...] = ()
+    swing_rad: tuple[float, float] | None = None  # smallest and largest angle
+    findings: tuple[LookFinding, ...] = ()
+
+    @property
+    def is_pivot_known(self) -> bool:
+        """True if the lines meet in one point, well enough to replace a pivot that was told."""
+        pivot = self.pivot
+        if pivot is None or self.subject is not Subject.CABLE:
+            return False
+        is_sharp = pivot.scatter_px <= MAX_PIVOT_SCATTER_PX
+        return is_sharp and pivot.sigma_px[1] <= MAX_PIVOT_SIGMA_PX
+
+    def pivot_in_picture(self) -> Point | None:
+        """Convert the pivot to a place in the pictures [px]."""
+        return None if self.pivot is None else self.view.to_picture(self.pivot.at_px, self.size)
+
+
+def look(
+    pictures: Sequence[Grey],
+    pivots_px: Sequence[Point] | None = None,
+    choices: LookChoices | None = None,
+) -> Look:
+    """Look at pictures (height, width) or (height, width, 3) of one size, spread over the video.
+
+    pivots_px: predicted pivot in each picture, if known; only its motion is used.
+    """
+    chosen = choices or LookChoices()
+    size = (pictures[0].shape[1], pictures[0].shape[0])
+    view = choose_view(pictures, chosen.plane, chosen.is_bright, chosen.turns, chosen.region)
+    seen = [view.picture(picture) for picture in pictures]
+    shifts_px = _shifts_px(view, size, pivots_px, len(seen))
+    found = cable_lines(seen, chosen.width_px)
+    pivot = _pivot(found, shifts_px)
+    if chosen.turns is None and _is_upside_down(found, pivot, seen[0].shape[0]):
+        turned = replace(chosen, turns=(view.turns + 2) % 4, plane=view.plane)
+        return look(pictures, pivots_px, replace(turned, is_bright=view.is_bright))
+    return _described(view, size, seen, found, pivot, chosen)
+
+
+def _shifts_px(
+    view: View, size: tuple[int, int], pivots_px: Sequence[Point] | None, count: int
+) -> list[float]:
+    """Compute the motion of the told pivot along x in the view, from the first picture."""
+    if not pivots_px:
+        return [0.0] * count
+    columns = [view.to_view(pivot, size)[0] for pivot in pivots_px]
+    return [column - columns[0] for column in columns]
+
+
+def _pivot(found: CableLines, shifts_px: Sequence[float]) -> Pivot | None:
+    measured = []
+    for item, shift_px in zip(found.lines, shifts_px, strict=True):
+        if item is not None:
+            measured.append(item.measured._replace(shift_px=shift_px))
+    return meeting_point(measured) if found.is_moving else None
+
+
+def _is_upside_down(found: CableLines, pivot: Pivot | None, height: int) -> bool:
+    """Tell if the lines meet below the rows in which they are seen."""
+    if pivot is None or pivot.scatter_px > MAX_PIVOT_SCATTER_PX:
+        return False
+    middles = [item.measured.middle_row for item in found.lines if item is not None]
+    below = pivot.at_px[1] - float(np.median(middles))
+    return below > max(0.1 * height, 3.0 * pivot.sigma_px[1])
+
+
+def _described(
+    view: View,
+    size: tuple[int, int],
+    seen: Sequence[Grey],
+    found: CableLines,
+    pivot: Pivot | None,
+    chosen: LookChoices,
+) -> Look:
+    still = found.median
+    statics = find_lines(still, grey_levels(still).noise, MAX_STATIC_LINES)
+    subject = Subject.NOTHING
+    scene: StaticScene | None = StaticScene(still, found.reach_px)
+    if found.is_moving:
+        subject = Subject.CABLE
+    elif statics:
+        subject = Subject.STILL
+    if subject is Subject.STILL and chosen.at_rest:
+        scene = None
+    swing = swing_of(found) if found.is_moving else None
+    return Look(
+        view=view,
+        subject=subject,
+        size=size,
+        median=still,
+        scene=scene,
+        cable=found.cable,
+        pivot=pivot,
+        lines=found.lines,
+        static_lines=tuple(statics),
+        swing_rad=swing,
+    )

@@ -1,0 +1,56 @@
+"""Tracker of a video that finds view, static scene, cable and pivot by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from vision.first_look import Look, LookChoices, Subject, look
+from vision.line_fit import Grey
+from vision.tracker import Fit, TrackFailure, Tracker
+from vision.view import Point
+
+
+class VideoTracker:
+    """Cable tracker for `rig track`; see vision.protocol.
+
+    Without prepare() it measures like the tracker of the rig, in the red plane.
+    """
+
+    colour = True
+
+    def __init__(self, width: int, height: int, choices: LookChoices | None = None) -> None:
+        self._size = (width, height)
+        self._choices = choices or LookChoices()
+        self.look: Look | None = None
+        self._tracker = Tracker(width, height)
+        self._shift_px = (0.0, 0.0)  # from a told pivot to the true one
+        self._last: Grey | None = None
+
+    def prepare(self, pictures: Sequence[Grey], pivots_px: Sequence[Point] | None = None) -> None:
+        """Look at pictures spread over the video before any is measured."""
+        found = look(pictures, pivots_px, self._choices)
+        self.look = found
+        width, height = found.view.size(*self._size)
+        self._tracker = Tracker(width, height, found.cable, found.scene)
+        if pivots_px and found.is_pivot_known and found.pivot is not None:
+            told = found.view.to_view(pivots_px[0], self._size)
+            true = found.pivot.at_px
+            self._shift_px = (true[0] - told[0], true[1] - told[1])
+
+    def measure(self, image: Grey, pivot_px: Point) -> Fit:
+        """Measure the angle of the cable in a colour picture (height, width, 3)."""
+        if self._last is not None and np.array_equal(self._last, image):
+            return Fit(reason=TrackFailure.AMBIGUOUS)
+        self._last = image
+        if self.look is None:
+            return self._tracker.measure(np.ascontiguousarray(image[:, :, 2]), pivot_px)
+        view = self.look.view
+        x, y = view.to_view(pivot_px, self._size)
+        told = (x + self._shift_px[0], y + self._shift_px[1])
+        fit = self._tracker.measure(view.picture(image), told)
+        if fit.reason is TrackFailure.NO_CABLE and self.look.subject is Subject.STILL:
+            return replace(fit, reason=TrackFailure.STATIC)
+        return fit
