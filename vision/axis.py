@@ -35,13 +35,16 @@ MIN_KNEE_SLOPE = 3e-3
 
 
 class Axis(NamedTuple):
-    """Axis in the image: u = line + bend_px (t^2 - t0) with t = (2 v - H) / H, or with a joint.
+    """Axis in the image: u = line + bend_px (t^2 - a - b v), t = (2 v - H) / H, or with a joint.
 
     line: the straight line that fits the axis best, of the first link if there is a joint.
     """
 
     line: ImageLine
     bend_px: float = 0.0  # coefficient of t^2
+    # straight line that fits t^2 best over the rows, which is taken from it
+    square_level: float = 0.0
+    square_slope: float = 0.0
     knee_row: float | None = None  # row of a joint between two links
     knee_slope: float = 0.0  # change of the slope there
 
@@ -94,7 +97,8 @@ class AxisFitter:
         """Compute the columns of an axis on rows (N,)."""
         u = axis.line.at(rows.astype(np.float64))
         if axis.bend_px:
-            u = u + axis.bend_px * self._basis[2, rows]
+            square = self._basis[2, rows] - axis.square_level - axis.square_slope * rows
+            u = u + axis.bend_px * square
         if axis.knee_row is not None:
             u = u + axis.knee_slope * np.maximum(rows - axis.knee_row, 0.0)
         return u
@@ -145,7 +149,7 @@ class AxisFitter:
             third = self._basis[2, v]
         if third is not None:
             fit = huber_fit(np.concatenate([straight, third[None]]), offsets)
-        return self._measured(assumed, v, fit, visible, static_rows)
+        return self._measured(assumed, v, offsets.offset_px, fit, visible, static_rows)
 
     def _is_bent(self, v: Rows, fit: AxisFit) -> bool:
         """Tell if the rows lie on a parabola rather than on a line."""
@@ -163,11 +167,15 @@ class AxisFitter:
         return abs(bend_px) > max(limit_px, 4.0 * MIN_BEND_PX / max(span * span, 1e-6))
 
     def _measured(
-        self, assumed: Axis, v: Rows, fit: AxisFit, visible: int, static_rows: int
+        self,
+        assumed: Axis,
+        v: Rows,
+        offset_px: FloatArray,
+        fit: AxisFit,
+        visible: int,
+        static_rows: int,
     ) -> MeasuredAxis:
         used = v[fit.is_near]
-        if used.size == 0:
-            used = v
         first, last = int(used[0]), int(used[-1])
         per_row = 2.0 / self._height  # of t
         shift, slope_t = float(fit.coefficients[0]), float(fit.coefficients[1])
@@ -180,14 +188,15 @@ class AxisFitter:
         axis = Axis(line)
         bend_px = sigma_bend_px = sigma_lower = 0.0
         if assumed.knee_row is not None:
-            axis = Axis(line, 0.0, assumed.knee_row, assumed.knee_slope + third)
-            sigma_lower = math.sqrt(variance + float(fit.covariance[2, 2]))
+            axis = Axis(line, knee_row=assumed.knee_row, knee_slope=assumed.knee_slope + third)
+            sigma_lower = math.sqrt(max(0.0, variance + float(fit.covariance[2, 2])))
         elif len(fit.coefficients) > 2:
             whole = assumed.bend_px + third
-            axis, lever = self._straightened(line, whole, used)
+            columns = self.columns(assumed, used) + offset_px[fit.is_near]
+            axis, lever = self._straightened(columns, whole, used)
             # of the slope: that of t plus what the parabola adds to the best straight line
             gain = np.array([0.0, per_row, lever])
-            variance = float(gain @ fit.covariance @ gain)
+            variance = max(0.0, float(gain @ fit.covariance @ gain))
             half = 0.5 * (last - first) * per_row
             bend_px = -whole * half * half
             sigma_bend_px = half * half * math.sqrt(max(0.0, float(fit.covariance[2, 2])))
@@ -216,20 +225,23 @@ class AxisFitter:
             basis[2] = max(row - assumed.knee_row, 0.0)
         return float(basis @ fit.coefficients)
 
-    def _straightened(self, line: ImageLine, bend_px: float, used: Rows) -> tuple[Axis, float]:
-        """Split a parabola into the straight line that fits it best over rows (N,), and the rest.
+    def _straightened(self, columns: FloatArray, bend_px: float, used: Rows) -> tuple[Axis, float]:
+        """Fit a straight line to the columns of a bent axis on rows (N,).
 
         Returns the axis, whose line is that one, and the slope [1/row] that a coefficient of 1 of
         t^2 adds to it.
         """
         rows = used.astype(np.float64)
         middle = float(rows.mean())
-        square = self._basis[2, used]
         spread = rows - middle
-        lever = float(spread @ square) / max(float(spread @ spread), 1e-9)
+        inertia = max(float(spread @ spread), 1e-9)
+        slope = float(spread @ columns) / inertia
+        square = self._basis[2, used]
+        lever = float(spread @ square) / inertia
+        # the parabola keeps its place: the axis is that line and what t^2 differs from its own
         level = float(square.mean()) - lever * middle
-        best = ImageLine(line.intercept_px + bend_px * level, line.slope + bend_px * lever)
-        return Axis(best, bend_px), lever
+        line = ImageLine(float(columns.mean()) - slope * middle, slope)
+        return Axis(line, bend_px, level, lever), lever
 
     def shape(self, found: Found) -> Axis | None:
         """Choose a bent axis, or one with a joint, through points found near a line."""
@@ -249,7 +261,8 @@ class AxisFitter:
             q, scatter_px = _robust(np.stack([ones, rows, hinge]), columns)
             if scatter_px < best_px and abs(q[2]) > MIN_KNEE_SLOPE:
                 best_px = scatter_px
-                best = Axis(ImageLine(float(q[0]), float(q[1])), 0.0, float(knee), float(q[2]))
+                line = ImageLine(float(q[0]), float(q[1]))
+                best = Axis(line, knee_row=float(knee), knee_slope=float(q[2]))
         if best is not None and best_px < KNEE_GAIN * bent_px:
             return best
         return Axis(ImageLine(float(bent[0]), float(bent[1])), float(bent[2]))
@@ -258,7 +271,7 @@ class AxisFitter:
 def _robust(basis: FloatArray, y: FloatArray) -> tuple[FloatArray, float]:
     """Fit y (N,) by basis (P, N) with few outliers; return coefficients and median |residual|."""
     weight = np.ones_like(y)
-    found = np.zeros(len(basis))
+    found: FloatArray = np.zeros(len(basis))
     residual = y
     for scale_px in (20.0, 4.0, 1.0, 0.5):
         scaled = basis * np.sqrt(weight)

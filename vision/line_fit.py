@@ -197,7 +197,8 @@ def _inverse(a: FloatArray) -> FloatArray:
         return np.array([[r * scale, -q * scale], [-q * scale, p * scale]])
     (p, q, r), (_, s, t), (_, _, w) = a.tolist()
     x, y, z = s * w - t * t, r * t - q * w, q * t - r * s
-    scale = 1.0 / (p * x + q * y + r * z)
+    determinant = p * x + q * y + r * z
+    scale = 1.0 / determinant if determinant else 0.0
     m, n, k = p * w - r * r, q * r - p * t, p * s - q * q
     return np.array([[x, y, z], [y, m, n], [z, n, k]]) * scale
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from vision.axis import MeasuredAxis
-from vision.line_fit import Grey
+from vision.line_fit import Grey, ImageLine, coarse_line
 from vision.ridge import CLEAR_ROWS, FLANK_PX, Levels, line_response
 from vision.static_scene import StaticScene
 
@@ -15,6 +15,7 @@ CLEAR_PX = 8.0  # beside the cable
 RESPONSE_SHARE = 0.5  # of the response of the cable itself
 MIN_RESPONSE_SIGMAS = 4.0
 BINS_PER_SLOPE = 48.0  # a line 5 px off the pivot stays in two neighbouring bins
+MAX_APART_PX = 5.0  # at the pivot: a line farther from the cable there is not one through it
 MEMORY_FRAMES = 50  # in which a line that was seen may hide behind the cable
 
 
@@ -71,7 +72,16 @@ class RivalWatch:
         slope = (column - pivot_px[0]) / (rows[row] - pivot_px[1])
         near = np.abs(slope) < 1.0
         bins = ((slope[near] + 1.0) * BINS_PER_SLOPE).astype(np.intp)
+        row, column = row[near], column[near]
         # each row counts once in a bin
-        votes = np.unique(bins * ROWS + row[near]) // ROWS
+        votes = np.unique(bins * ROWS + row) // ROWS
         count = np.bincount(votes, minlength=2)
-        return int((count[1:] + count[:-1]).max()) >= MIN_SHARE * ROWS
+        pairs = count[1:] + count[:-1]
+        best = int(pairs.argmax())
+        if int(pairs[best]) < MIN_SHARE * ROWS:
+            return False
+        chosen = (bins == best) | (bins == best + 1)
+        v, u = rows[row[chosen]].astype(np.float64), column[chosen].astype(np.float64)
+        line = coarse_line(v, u, ImageLine(float(u.mean()), 0.0))
+        apart_px = line.at(pivot_px[1]) - measured.axis.line.at(pivot_px[1])
+        return abs(apart_px) < MAX_APART_PX

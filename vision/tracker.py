@@ -51,7 +51,10 @@ class TrackFailure(enum.Enum):
     AMBIGUOUS = "ambiguous"
     POOR_FIT = "poor_fit"
     BAD_IMAGE = "bad_image"
-    STATIC = "static"
+    STATIC = "static"  # it never moves, and so is not the cable
+    DUPLICATE = "duplicate"  # the picture before once more
+    FROZEN = "frozen"  # the same picture for a while
+    DAMAGED = "damaged"
 
 
 class LowerLink(NamedTuple):
