@@ -126,7 +126,7 @@ def coarse_line(
 
 
 def huber_fit(basis: FloatArray, offsets: RowOffsets) -> AxisFit:
-    """Fit a linear combination of basis (P, N), P = 2 or 3, to offsets (N,), N >= MIN_ROWS.
+    """Fit a linear combination of basis (P, N) to offsets (N,), N >= MIN_ROWS.
 
     Reweighted least squares (Huber), from the assumed axis, which is robust. The weight of a row is
     its curvature squared, as in a Gauss-Newton step on the image.
@@ -190,7 +190,9 @@ def _solve(basis: FloatArray, y: FloatArray, weight: FloatArray) -> FloatArray:
 
 
 def _inverse(a: FloatArray) -> FloatArray:
-    """Invert a symmetric matrix of two or three rows; LAPACK takes three times as long."""
+    """Invert a symmetric matrix; of two or three rows LAPACK takes three times as long."""
+    if len(a) > 3:
+        return np.asarray(np.linalg.pinv(a, hermitian=True))
     if len(a) == 2:
         (p, q), (_, r) = a.tolist()
         scale = 1.0 / max(p * r - q * q, 1e-300)
