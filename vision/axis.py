@@ -19,6 +19,7 @@ from vision.line_fit import (
     Rows,
     correlation_factor,
     huber_fit,
+    local_noise,
     row_offsets,
 )
 from vision.static_scene import StaticScene
@@ -30,6 +31,7 @@ MAX_NEWTON_BLURS = 1.5  # the same for a blurred cable
 BEND_SIGMAS = 5.0  # a bend below is noise
 MIN_BEND_PX = 0.02
 MIN_SHAPE_POINTS = 12
+MAX_SHAPE_ERROR_PX = 0.4  # of a parabola, for a cable that vibrates
 KNEE_FACTOR = 4.0  # correlation of the rows that a parabola does not explain
 KNEE_GAIN = 0.5  # a joint must leave less of the scatter than a parabola does
 KNEE_NOISES, KNEE_SCATTER_PX = 1.3, 0.005  # and not much more than the noise of a row
@@ -223,16 +225,19 @@ class AxisFitter:
         """Take a fitted parabola as the axis, with the straight line that fits its rows best."""
         used = rows.v
         bend_px = assumed.bend_px + float(fit.coefficients[2])
-        # the fitted place of a row that is off, for the line is that of all rows
-        offset_px = rows.offsets.offset_px - np.where(fit.is_near, 0.0, fit.residual_px)
-        axis, lever = self._straightened(self.columns(assumed, used) + offset_px, bend_px, used)
-        # of the slope: that of t plus what the parabola adds to the best straight line
-        gain = np.array([0.0, 2.0 / self._height, lever])
-        sigma = math.sqrt(max(0.0, float(gain @ fit.covariance @ gain)))
+        # the line is that of all rows; only what is clearly off the axis has the fitted place
+        is_off = ~fit.is_near & (np.abs(fit.residual_px) > MAX_SHAPE_ERROR_PX)
+        offset_px = rows.offsets.offset_px - np.where(is_off, fit.residual_px, 0.0)
+        axis = self._straightened(self.columns(assumed, used) + offset_px, bend_px, used)
+        noise_px, factor = local_noise(fit.residual_px)
+        spread = used - used.mean()
+        sigma = noise_px / math.sqrt(max(float(spread @ spread), 1e-9))
         half = (used[-1] - used[0]) / self._height  # of t
         sigma_bend_px = half * half * math.sqrt(max(0.0, float(fit.covariance[2, 2])))
         measured = self._measured(rows, fit, axis, sigma, self._moved_px(rows.v, fit))
-        return measured._replace(bend_px=-bend_px * half * half, sigma_bend_px=sigma_bend_px)
+        return measured._replace(
+            bend_px=-bend_px * half * half, sigma_bend_px=sigma_bend_px, correlation_factor=factor
+        )
 
     def _with_knee(self, assumed: Axis, rows: MeasuredRows) -> MeasuredAxis:
         """Fit two links from an assumed axis with a joint; its row moves along."""
@@ -292,12 +297,8 @@ class AxisFitter:
             moved_px=moved_px,
         )
 
-    def _straightened(self, columns: FloatArray, bend_px: float, used: Rows) -> tuple[Axis, float]:
-        """Fit a straight line to the columns of a bent axis on rows (N,).
-
-        Returns the axis, whose line is that one, and the slope [1/row] that a coefficient of 1 of
-        t^2 adds to it.
-        """
+    def _straightened(self, columns: FloatArray, bend_px: float, used: Rows) -> Axis:
+        """Fit a straight line to the columns of a bent axis on rows (N,), as its line."""
         rows = used.astype(np.float64)
         middle = float(rows.mean())
         spread = rows - middle
@@ -308,7 +309,7 @@ class AxisFitter:
         # the parabola keeps its place: the axis is that line and what t^2 differs from its own
         level = float(square.mean()) - lever * middle
         line = ImageLine(float(columns.mean()) - slope * middle, slope)
-        return Axis(line, bend_px, level, lever), lever
+        return Axis(line, bend_px, level, lever)
 
     def shape(self, found: Found) -> Axis | None:
         """Choose a bent axis, or one with a joint, through points found near a line."""

@@ -179,6 +179,25 @@ def correlation_factor(residual_px: FloatArray) -> float:
     return float(BLOCK_ROWS * np.dot(means, means) / (blocks * whole))
 
 
+def local_noise(residual_px: FloatArray) -> tuple[float, float]:
+    """Estimate the noise of rows around a smooth curve: deviation [px], correlation factor.
+
+    residual_px: (N,) of neighbouring rows, in which a smooth curve may be left. The deviation is
+    that within blocks of rows, the factor is that of second differences of their means.
+    """
+    blocks = len(residual_px) // BLOCK_ROWS
+    if blocks < 4:
+        return math.sqrt(float(np.mean(np.square(residual_px)))), 1.0
+    parts = residual_px[: blocks * BLOCK_ROWS].reshape(blocks, BLOCK_ROWS)
+    means = parts.mean(axis=1)
+    inner = parts - means[:, None]
+    variance = float(np.square(inner).sum()) / (blocks * (BLOCK_ROWS - 1))
+    bends = means[:-2] - 2.0 * means[1:-1] + means[2:]
+    # of independent rows: 1 + 4 + 1 times the variance of a mean
+    expected = 6.0 * max(variance, 1e-12) / BLOCK_ROWS
+    return math.sqrt(variance), float(np.mean(np.square(bends))) / expected
+
+
 def _moments(basis: FloatArray, weight: FloatArray) -> FloatArray:
     return np.asarray((basis * weight) @ basis.T)
 
