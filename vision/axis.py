@@ -132,18 +132,16 @@ class AxisFitter:
         if len(v) < MIN_ROWS:
             return None
         u = self.columns(assumed, v)
-        inside = (u > self._border_px) & (u < self._width - 1 - self._border_px)
-        visible = len(v)
-        if not inside.all():
+        low, high = self._border_px, self._width - 1 - self._border_px
+        if not (u.min() > low and u.max() < high):
+            inside = (u > low) & (u < high)
             v, u = v[inside], u[inside]
-            visible = len(v)
-            if visible < MIN_ROWS:
-                return None
+        visible = len(v)
         static_rows = 0
         if self._static is not None:
             free = self._static.is_free(v, u)
-            if not free.all():
-                static_rows = visible - int(np.count_nonzero(free))
+            static_rows = visible - int(np.count_nonzero(free))
+            if static_rows:
                 v, u = v[free], u[free]
         if len(v) < MIN_ROWS:
             return None
@@ -172,10 +170,16 @@ class AxisFitter:
             fit = huber_fit(self._basis[:, v], whole)
             bent = self._bent(assumed, rows._replace(offsets=whole), fit)
             return measured if measured.scatter_px < bent.scatter_px else bent
-        fit = huber_fit(self._basis[:2, v], offsets)
-        if not (assumed.bend_px or self._is_bent(v, fit)):
+        if assumed.bend_px:
+            straight = Axis(assumed.line)
+            change_px = self.columns(assumed, v) - straight.line.at(v)
+            offsets = RowOffsets(offsets.offset_px + change_px, offsets.curvature)
+            assumed, rows = straight, rows._replace(offsets=offsets)
+        part = _part(v)
+        fit = huber_fit(self._basis[:2, part], offsets)
+        if not self._is_bent(part, fit):
             return self._straight(assumed, rows, fit)
-        fit = huber_fit(self._basis[:, v], offsets)
+        fit = huber_fit(self._basis[:, part], offsets)
         factor = correlation_factor(fit.residual_px[fit.is_near])
         if factor > KNEE_FACTOR:
             knee = self._knee(assumed, rows, fit, noise)
@@ -201,9 +205,9 @@ class AxisFitter:
             return None
         return Axis(knee.line, knee_row=knee.row, knee_slope=knee.change)
 
-    def _is_bent(self, v: Rows, fit: AxisFit) -> bool:
+    def _is_bent(self, part: slice | Rows, fit: AxisFit) -> bool:
         """Tell if the rows lie on a parabola rather than on a line."""
-        t = self._basis[1, v]
+        t = self._basis[1, part]
         span = float(t[-1] - t[0])
         middle = 0.5 * float(t[-1] + t[0])
         # a parabola without a straight part, for rows at equal distances
@@ -224,7 +228,7 @@ class AxisFitter:
     def _bent(self, assumed: Axis, rows: MeasuredRows, fit: AxisFit) -> MeasuredAxis:
         """Take a fitted parabola as the axis, with the straight line that fits its rows best."""
         used = rows.v
-        bend_px = assumed.bend_px + float(fit.coefficients[2])
+        bend_px = float(fit.coefficients[2])
         # the line is that of all rows; only what is clearly off the axis has the fitted place
         is_off = ~fit.is_near & (np.abs(fit.residual_px) > MAX_SHAPE_ERROR_PX)
         offset_px = rows.offsets.offset_px - np.where(is_off, fit.residual_px, 0.0)
@@ -276,24 +280,24 @@ class AxisFitter:
 
     def _moved_px(self, v: Rows, fit: AxisFit) -> float:
         """Compute the largest change of the column in the first and the last row."""
-        ends = self._basis[: len(fit.coefficients), [v[0], v[-1]]]
-        return float(np.abs(fit.coefficients @ ends).max())
+        ends = (self._basis[: len(fit.coefficients), row] for row in (v[0], v[-1]))
+        return max(abs(float(fit.coefficients @ end)) for end in ends)
 
     def _measured(
         self, rows: MeasuredRows, fit: AxisFit, axis: Axis, sigma_slope: float, moved_px: float
     ) -> MeasuredAxis:
-        used = rows.v[fit.is_near]
+        near = np.flatnonzero(fit.is_near)
         return MeasuredAxis(
             axis=axis,
             rows=fit.rows,
             visible_rows=rows.visible,
             static_rows=rows.static,
-            first_row=int(used[0]),
-            last_row=int(used[-1]),
+            first_row=int(rows.v[near[0]]),
+            last_row=int(rows.v[near[-1]]),
             scatter_px=fit.scatter_px,
             curvature=fit.curvature,
             sigma_slope=sigma_slope,
-            correlation_factor=correlation_factor(fit.residual_px[fit.is_near]),
+            correlation_factor=correlation_factor(fit.residual_px[near]),
             moved_px=moved_px,
         )
 
@@ -322,3 +326,9 @@ class AxisFitter:
         if knee is not None and knee.scatter_px < KNEE_GAIN * bent_px:
             return Axis(knee.line, knee_row=knee.row, knee_slope=knee.change)
         return Axis(ImageLine(float(bent[0]), float(bent[1])), float(bent[2]))
+
+
+def _part(v: Rows) -> slice | Rows:
+    """Select rows (N,) of an array of all rows, as a view where they are neighbours."""
+    first, last = int(v[0]), int(v[-1])
+    return slice(first, last + 1) if last - first + 1 == len(v) else v

@@ -10,12 +10,14 @@ from vision.ridge import CLEAR_ROWS, FLANK_PX, Levels, line_response
 from vision.static_scene import StaticScene
 
 ROWS = 16  # looked at in each picture
+STEPS = np.arange(ROWS)
 MIN_SHARE = 0.6  # of these rows with a rival on one line
 CLEAR_PX = 8.0  # beside the cable
 RESPONSE_SHARE = 0.5  # of the response of the cable itself
 MIN_RESPONSE_SIGMAS = 4.0
 BINS_PER_SLOPE = 48.0  # a line 5 px off the pivot stays in two neighbouring bins
 MAX_APART_PX = 5.0  # at the pivot: a line farther from the cable there is not one through it
+CHECK_FRAMES = 4  # without a rival, one picture in so many is looked at
 MEMORY_FRAMES = 50  # in which a line that was seen may hide behind the cable
 
 
@@ -25,7 +27,8 @@ class RivalWatch:
     def __init__(self, width: int, height: int) -> None:
         self._width = width
         self._height = height
-        self._since = MEMORY_FRAMES  # pictures since the last rival
+        # pictures since the last rival; the first picture is looked at
+        self._since = MEMORY_FRAMES + CHECK_FRAMES - (MEMORY_FRAMES % CHECK_FRAMES) - 1
 
     def is_rivalled(
         self,
@@ -36,10 +39,11 @@ class RivalWatch:
         static: StaticScene | None,
     ) -> bool:
         """Tell if there is, or was a moment ago, another line as dark through the pivot."""
-        if self._sees_rival(image, levels, measured, pivot_px, static):
+        self._since += 1
+        is_due = self._since < MEMORY_FRAMES or self._since % CHECK_FRAMES == 0
+        if is_due and self._sees_rival(image, levels, measured, pivot_px, static):
             self._since = 0
             return True
-        self._since += 1
         return self._since < MEMORY_FRAMES and static is None
 
     def _sees_rival(
@@ -53,7 +57,7 @@ class RivalWatch:
         first = max(measured.first_row, int(pivot_px[1]) + CLEAR_ROWS + 40)
         if measured.last_row - first < ROWS:
             return False
-        rows = np.linspace(first, measured.last_row, ROWS).astype(np.intp)
+        rows = first + (measured.last_row - first) * STEPS // (ROWS - 1)
         picture = np.ascontiguousarray(image[rows])
         if static is not None:
             still = np.ascontiguousarray(static.picture[rows])
