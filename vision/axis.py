@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vision.finder import Found
+from vision.knee import STEP_ROWS, find_knee, robust_fit
 from vision.line_fit import (
     MIN_ROWS,
     AxisFit,
@@ -18,6 +19,7 @@ from vision.line_fit import (
     Rows,
     correlation_factor,
     huber_fit,
+    local_noise,
     row_offsets,
 )
 from vision.static_scene import StaticScene
@@ -28,22 +30,35 @@ MAX_NEWTON_PX = 1.5  # beyond, the template covers another slope of the profile
 MAX_NEWTON_BLURS = 1.5  # the same for a blurred cable
 BEND_SIGMAS = 5.0  # a bend below is noise
 MIN_BEND_PX = 0.02
-KNEES = 24  # places at which a joint is tried
-MIN_SEGMENT_POINTS = 6
-KNEE_GAIN = 0.3  # a joint must leave less of the scatter than a bend does
-MIN_KNEE_SLOPE = 3e-3
+MIN_SHAPE_POINTS = 12
+MAX_SHAPE_ERROR_PX = 0.4  # of a parabola, for a cable that vibrates
+KNEE_FACTOR = 4.0  # correlation of the rows that a parabola does not explain
+KNEE_GAIN = 0.5  # a joint must leave less of the scatter than a parabola does
+KNEE_NOISES, KNEE_SCATTER_PX = 1.3, 0.005  # and not much more than the noise of a row
+MIN_KNEE_SLOPE = 3e-3  # below, the row of the joint is not measured
+MIN_FIRST_KNEE_SLOPE = 8e-3  # below, a joint is not told from a bend
+MAX_KNEE_STEP_ROWS = 20.0
 
 
 class Axis(NamedTuple):
-    """Axis in the image: u = line + bend_px (t^2 - t0) with t = (2 v - H) / H, or with a joint.
+    """Axis in the image: u = line + bend_px (t^2 - a - b v), t = (2 v - H) / H, or with a joint.
 
     line: the straight line that fits the axis best, of the first link if there is a joint.
     """
 
     line: ImageLine
     bend_px: float = 0.0  # coefficient of t^2
+    # straight line that fits t^2 best over the rows, which is taken from it
+    square_level: float = 0.0
+    square_slope: float = 0.0
     knee_row: float | None = None  # row of a joint between two links
     knee_slope: float = 0.0  # change of the slope there
+
+    def extrapolated(self, before: Axis | None) -> Axis:
+        """Predict the shape of the next axis from the last two, where both have a joint."""
+        if before is None or self.knee_row is None or before.knee_row is None:
+            return self
+        return self._replace(knee_slope=2.0 * self.knee_slope - before.knee_slope)
 
 
 class MeasuredAxis(NamedTuple):
@@ -58,11 +73,20 @@ class MeasuredAxis(NamedTuple):
     scatter_px: float
     curvature: float  # rms [grey/px^2]
     sigma_slope: float
-    sigma_lower_slope: float
-    bend_px: float  # of the middle from the chord, positive to the right
-    sigma_bend_px: float
     correlation_factor: float  # of the variance, by the correlation of the rows
     moved_px: float  # from the assumed axis, at the first and the last row
+    sigma_lower_slope: float = 0.0
+    bend_px: float = 0.0  # of the middle from the chord, positive to the right
+    sigma_bend_px: float = 0.0
+
+
+class MeasuredRows(NamedTuple):
+    """Rows of a picture in which the cable was measured."""
+
+    v: Rows  # (N,)
+    offsets: RowOffsets  # from the assumed axis
+    visible: int  # rows below the pivot and in the picture
+    static: int  # of those, left out
 
 
 class AxisFitter:
@@ -94,7 +118,8 @@ class AxisFitter:
         """Compute the columns of an axis on rows (N,)."""
         u = axis.line.at(rows.astype(np.float64))
         if axis.bend_px:
-            u = u + axis.bend_px * self._basis[2, rows]
+            square = self._basis[2, rows] - axis.square_level - axis.square_slope * rows
+            u = u + axis.bend_px * square
         if axis.knee_row is not None:
             u = u + axis.knee_slope * np.maximum(rows - axis.knee_row, 0.0)
         return u
@@ -107,18 +132,16 @@ class AxisFitter:
         if len(v) < MIN_ROWS:
             return None
         u = self.columns(assumed, v)
-        inside = (u > self._border_px) & (u < self._width - 1 - self._border_px)
-        visible = len(v)
-        if not inside.all():
+        low, high = self._border_px, self._width - 1 - self._border_px
+        if not (u.min() > low and u.max() < high):
+            inside = (u > low) & (u < high)
             v, u = v[inside], u[inside]
-            visible = len(v)
-            if visible < MIN_ROWS:
-                return None
+        visible = len(v)
         static_rows = 0
         if self._static is not None:
             free = self._static.is_free(v, u)
-            if not free.all():
-                static_rows = visible - int(np.count_nonzero(free))
+            static_rows = visible - int(np.count_nonzero(free))
+            if static_rows:
                 v, u = v[free], u[free]
         if len(v) < MIN_ROWS:
             return None
@@ -130,26 +153,61 @@ class AxisFitter:
             return None
         if count < len(v):
             v, offset_px, curvature = v[good], offset_px[good], curvature[good]
-        return self._fitted(assumed, v, RowOffsets(offset_px, curvature), visible, static_rows)
+        offsets = RowOffsets(offset_px, curvature)
+        return self._fitted(assumed, MeasuredRows(v, offsets, visible, static_rows), noise)
 
-    def _fitted(
-        self, assumed: Axis, v: Rows, offsets: RowOffsets, visible: int, static_rows: int
-    ) -> MeasuredAxis:
-        """Fit the axis to the offsets of rows v (N,) from an assumed one."""
-        straight = self._basis[:2, v]
-        fit = huber_fit(straight, offsets)
-        third: FloatArray | None = None
+    def _fitted(self, assumed: Axis, rows: MeasuredRows, noise: float) -> MeasuredAxis:
+        """Fit the axis to the offsets of the rows from an assumed one."""
+        v, offsets = rows.v, rows.offsets
         if assumed.knee_row is not None:
-            third = np.maximum(v - assumed.knee_row, 0.0)
-        elif assumed.bend_px or self._is_bent(v, fit):
-            third = self._basis[2, v]
-        if third is not None:
-            fit = huber_fit(np.concatenate([straight, third[None]]), offsets)
-        return self._measured(assumed, v, fit, visible, static_rows)
+            measured = self._with_knee(assumed, rows)
+            if measured.correlation_factor < KNEE_FACTOR:
+                return measured
+            # no joint explains these rows
+            assumed = assumed._replace(knee_row=None, knee_slope=0.0)
+            change_px = self.columns(measured.axis, v) - self.columns(assumed, v)
+            whole = RowOffsets(offsets.offset_px + change_px, offsets.curvature)
+            fit = huber_fit(self._basis[:, v], whole)
+            bent = self._bent(assumed, rows._replace(offsets=whole), fit)
+            return measured if measured.scatter_px < bent.scatter_px else bent
+        if assumed.bend_px:
+            straight = Axis(assumed.line)
+            change_px = self.columns(assumed, v) - straight.line.at(v)
+            offsets = RowOffsets(offsets.offset_px + change_px, offsets.curvature)
+            assumed, rows = straight, rows._replace(offsets=offsets)
+        part = _part(v)
+        fit = huber_fit(self._basis[:2, part], offsets)
+        if not self._is_bent(part, fit):
+            return self._straight(assumed, rows, fit)
+        fit = huber_fit(self._basis[:, part], offsets)
+        factor = correlation_factor(fit.residual_px[fit.is_near])
+        if factor > KNEE_FACTOR:
+            knee = self._knee(assumed, rows, fit, noise)
+            if knee is not None:
+                change_px = self.columns(assumed, v) - self.columns(knee, v)
+                moved = RowOffsets(offsets.offset_px + change_px, offsets.curvature)
+                measured = self._with_knee(knee, rows._replace(offsets=moved))
+                # the templates were not yet at this axis
+                return measured._replace(moved_px=math.inf)
+        return self._bent(assumed, rows, fit)
 
-    def _is_bent(self, v: Rows, fit: AxisFit) -> bool:
+    def _knee(self, assumed: Axis, rows: MeasuredRows, fit: AxisFit, noise: float) -> Axis | None:
+        """Look for a joint that explains the rows where a parabola does not."""
+        v = rows.v[::STEP_ROWS]
+        columns = self.columns(assumed, v) + rows.offsets.offset_px[::STEP_ROWS]
+        knee = find_knee(v.astype(np.float64), columns)
+        noise_px = noise * self._templates.first_norm / fit.curvature
+        if knee is None or abs(knee.change) < MIN_FIRST_KNEE_SLOPE:
+            return None
+        if knee.scatter_px > min(
+            KNEE_GAIN * fit.scatter_px, KNEE_NOISES * noise_px + KNEE_SCATTER_PX
+        ):
+            return None
+        return Axis(knee.line, knee_row=knee.row, knee_slope=knee.change)
+
+    def _is_bent(self, part: slice | Rows, fit: AxisFit) -> bool:
         """Tell if the rows lie on a parabola rather than on a line."""
-        t = self._basis[1, v]
+        t = self._basis[1, part]
         span = float(t[-1] - t[0])
         middle = 0.5 * float(t[-1] + t[0])
         # a parabola without a straight part, for rows at equal distances
@@ -162,107 +220,115 @@ class AxisFitter:
         limit_px = BEND_SIGMAS * fit.scatter_px / math.sqrt(size)
         return abs(bend_px) > max(limit_px, 4.0 * MIN_BEND_PX / max(span * span, 1e-6))
 
-    def _measured(
-        self, assumed: Axis, v: Rows, fit: AxisFit, visible: int, static_rows: int
-    ) -> MeasuredAxis:
-        used = v[fit.is_near]
-        if used.size == 0:
-            used = v
-        first, last = int(used[0]), int(used[-1])
-        per_row = 2.0 / self._height  # of t
+    def _straight(self, assumed: Axis, rows: MeasuredRows, fit: AxisFit) -> MeasuredAxis:
+        """Take a fitted straight line as the axis."""
+        line, sigma = self._line(assumed, fit)
+        return self._measured(rows, fit, Axis(line), sigma, self._moved_px(rows.v, fit))
+
+    def _bent(self, assumed: Axis, rows: MeasuredRows, fit: AxisFit) -> MeasuredAxis:
+        """Take a fitted parabola as the axis, with the straight line that fits its rows best."""
+        used = rows.v
+        bend_px = float(fit.coefficients[2])
+        # the line is that of all rows; only what is clearly off the axis has the fitted place
+        is_off = ~fit.is_near & (np.abs(fit.residual_px) > MAX_SHAPE_ERROR_PX)
+        offset_px = rows.offsets.offset_px - np.where(is_off, fit.residual_px, 0.0)
+        axis = self._straightened(self.columns(assumed, used) + offset_px, bend_px, used)
+        noise_px, factor = local_noise(fit.residual_px)
+        spread = used - used.mean()
+        sigma = noise_px / math.sqrt(max(float(spread @ spread), 1e-9))
+        half = (used[-1] - used[0]) / self._height  # of t
+        sigma_bend_px = half * half * math.sqrt(max(0.0, float(fit.covariance[2, 2])))
+        measured = self._measured(rows, fit, axis, sigma, self._moved_px(rows.v, fit))
+        return measured._replace(
+            bend_px=-bend_px * half * half, sigma_bend_px=sigma_bend_px, correlation_factor=factor
+        )
+
+    def _with_knee(self, assumed: Axis, rows: MeasuredRows) -> MeasuredAxis:
+        """Fit two links from an assumed axis with a joint; its row moves along."""
+        v = rows.v
+        knee_row = assumed.knee_row or 0.0
+        below = np.maximum(v - knee_row, 0.0)
+        basis = [*self._basis[:2, v], below / self._height]
+        is_clear = abs(assumed.knee_slope) > 2.0 * MIN_KNEE_SLOPE
+        if is_clear:
+            basis.append((below > 0.0).astype(np.float64))
+        stacked = np.stack(basis)
+        fit = huber_fit(stacked, rows.offsets)
+        line, sigma = self._line(assumed, fit)
+        slope = assumed.knee_slope + float(fit.coefficients[2]) / self._height
+        if is_clear:
+            moved_rows = -float(fit.coefficients[3]) / assumed.knee_slope
+            knee_row += min(max(moved_rows, -MAX_KNEE_STEP_ROWS), MAX_KNEE_STEP_ROWS)
+            knee_row = min(max(knee_row, float(v[0])), float(v[-1]))
+        variance = fit.covariance[1, 1] * 4.0 + fit.covariance[2, 2] + 4.0 * fit.covariance[1, 2]
+        axis = Axis(line, knee_row=knee_row, knee_slope=slope)
+        change_px = np.abs(fit.coefficients @ stacked[:, [0, -1]])
+        measured = self._measured(rows, fit, axis, sigma, float(change_px.max()))
+        upper = rows.v[fit.is_near & (v < knee_row)]
+        last_row = int(upper[-1]) if upper.size else measured.last_row
+        sigma_lower = math.sqrt(max(0.0, float(variance))) / self._height
+        return measured._replace(last_row=last_row, sigma_lower_slope=sigma_lower)
+
+    def _line(self, assumed: Axis, fit: AxisFit) -> tuple[ImageLine, float]:
+        """Add the fitted line to the assumed one; t = 2 v / H - 1. Returns sigma of the slope."""
         shift, slope_t = float(fit.coefficients[0]), float(fit.coefficients[1])
-        # t = 2 v / H - 1
+        per_row = 2.0 / self._height
         line = ImageLine(
             assumed.line.intercept_px + shift - slope_t, assumed.line.slope + slope_t * per_row
         )
-        third = float(fit.coefficients[2]) if len(fit.coefficients) > 2 else 0.0
-        variance = float(fit.covariance[1, 1]) * per_row**2
-        axis = Axis(line)
-        bend_px = sigma_bend_px = sigma_lower = 0.0
-        if assumed.knee_row is not None:
-            axis = Axis(line, 0.0, assumed.knee_row, assumed.knee_slope + third)
-            sigma_lower = math.sqrt(variance + float(fit.covariance[2, 2]))
-        elif len(fit.coefficients) > 2:
-            whole = assumed.bend_px + third
-            axis, lever = self._straightened(line, whole, used)
-            # of the slope: that of t plus what the parabola adds to the best straight line
-            gain = np.array([0.0, per_row, lever])
-            variance = float(gain @ fit.covariance @ gain)
-            half = 0.5 * (last - first) * per_row
-            bend_px = -whole * half * half
-            sigma_bend_px = half * half * math.sqrt(max(0.0, float(fit.covariance[2, 2])))
-        moved = [abs(self._change(fit, assumed, row)) for row in (int(v[0]), int(v[-1]))]
+        return line, per_row * math.sqrt(max(0.0, float(fit.covariance[1, 1])))
+
+    def _moved_px(self, v: Rows, fit: AxisFit) -> float:
+        """Compute the largest change of the column in the first and the last row."""
+        ends = (self._basis[: len(fit.coefficients), row] for row in (v[0], v[-1]))
+        return max(abs(float(fit.coefficients @ end)) for end in ends)
+
+    def _measured(
+        self, rows: MeasuredRows, fit: AxisFit, axis: Axis, sigma_slope: float, moved_px: float
+    ) -> MeasuredAxis:
+        near = np.flatnonzero(fit.is_near)
         return MeasuredAxis(
-            axis,
-            fit.rows,
-            visible,
-            static_rows,
-            first,
-            last,
-            fit.scatter_px,
-            fit.curvature,
-            math.sqrt(max(0.0, variance)),
-            sigma_lower,
-            bend_px,
-            sigma_bend_px,
-            correlation_factor(fit.residual_px[fit.is_near]),
-            max(moved),
+            axis=axis,
+            rows=fit.rows,
+            visible_rows=rows.visible,
+            static_rows=rows.static,
+            first_row=int(rows.v[near[0]]),
+            last_row=int(rows.v[near[-1]]),
+            scatter_px=fit.scatter_px,
+            curvature=fit.curvature,
+            sigma_slope=sigma_slope,
+            correlation_factor=correlation_factor(fit.residual_px[near]),
+            moved_px=moved_px,
         )
 
-    def _change(self, fit: AxisFit, assumed: Axis, row: int) -> float:
-        """Compute the change of the column in a row."""
-        basis = self._basis[: len(fit.coefficients), row].copy()
-        if assumed.knee_row is not None and len(basis) > 2:
-            basis[2] = max(row - assumed.knee_row, 0.0)
-        return float(basis @ fit.coefficients)
-
-    def _straightened(self, line: ImageLine, bend_px: float, used: Rows) -> tuple[Axis, float]:
-        """Split a parabola into the straight line that fits it best over rows (N,), and the rest.
-
-        Returns the axis, whose line is that one, and the slope [1/row] that a coefficient of 1 of
-        t^2 adds to it.
-        """
+    def _straightened(self, columns: FloatArray, bend_px: float, used: Rows) -> Axis:
+        """Fit a straight line to the columns of a bent axis on rows (N,), as its line."""
         rows = used.astype(np.float64)
         middle = float(rows.mean())
-        square = self._basis[2, used]
         spread = rows - middle
-        lever = float(spread @ square) / max(float(spread @ spread), 1e-9)
+        inertia = max(float(spread @ spread), 1e-9)
+        slope = float(spread @ columns) / inertia
+        square = self._basis[2, used]
+        lever = float(spread @ square) / inertia
+        # the parabola keeps its place: the axis is that line and what t^2 differs from its own
         level = float(square.mean()) - lever * middle
-        best = ImageLine(line.intercept_px + bend_px * level, line.slope + bend_px * lever)
-        return Axis(best, bend_px), lever
+        line = ImageLine(float(columns.mean()) - slope * middle, slope)
+        return Axis(line, bend_px, level, lever)
 
     def shape(self, found: Found) -> Axis | None:
         """Choose a bent axis, or one with a joint, through points found near a line."""
         rows, columns = found.rows_px, found.columns_px
-        if rows.size < 2 * MIN_SEGMENT_POINTS:
+        if rows.size < MIN_SHAPE_POINTS:
             return None
-        ones = np.ones_like(rows)
         t = (2.0 * rows - self._height) / self._height
-        bent, bent_px = _robust(np.stack([ones, rows, t * t]), columns)
-        best: Axis | None = None
-        best_px = math.inf
-        for knee in np.linspace(rows[0], rows[-1], KNEES + 2)[1:-1]:
-            upper = int(np.count_nonzero(rows < knee))
-            if min(upper, rows.size - upper) < MIN_SEGMENT_POINTS:
-                continue
-            hinge = np.maximum(rows - knee, 0.0)
-            q, scatter_px = _robust(np.stack([ones, rows, hinge]), columns)
-            if scatter_px < best_px and abs(q[2]) > MIN_KNEE_SLOPE:
-                best_px = scatter_px
-                best = Axis(ImageLine(float(q[0]), float(q[1])), 0.0, float(knee), float(q[2]))
-        if best is not None and best_px < KNEE_GAIN * bent_px:
-            return best
+        bent, bent_px = robust_fit(np.stack([np.ones_like(rows), rows, t * t]), columns)
+        knee = find_knee(rows, columns)
+        if knee is not None and knee.scatter_px < KNEE_GAIN * bent_px:
+            return Axis(knee.line, knee_row=knee.row, knee_slope=knee.change)
         return Axis(ImageLine(float(bent[0]), float(bent[1])), float(bent[2]))
 
 
-def _robust(basis: FloatArray, y: FloatArray) -> tuple[FloatArray, float]:
-    """Fit y (N,) by basis (P, N) with few outliers; return coefficients and median |residual|."""
-    weight = np.ones_like(y)
-    found = np.zeros(len(basis))
-    residual = y
-    for scale_px in (20.0, 4.0, 1.0, 0.5):
-        scaled = basis * np.sqrt(weight)
-        found = np.linalg.lstsq(scaled.T, y * np.sqrt(weight), rcond=None)[0]
-        residual = y - found @ basis
-        weight = 1.0 / np.square(1.0 + np.square(residual / scale_px))
-    return found, float(np.median(np.abs(residual)))
+def _part(v: Rows) -> slice | Rows:
+    """Select rows (N,) of an array of all rows, as a view where they are neighbours."""
+    first, last = int(v[0]), int(v[-1])
+    return slice(first, last + 1) if last - first + 1 == len(v) else v

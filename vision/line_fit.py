@@ -126,7 +126,7 @@ def coarse_line(
 
 
 def huber_fit(basis: FloatArray, offsets: RowOffsets) -> AxisFit:
-    """Fit a linear combination of basis (P, N), P = 2 or 3, to offsets (N,), N >= MIN_ROWS.
+    """Fit a linear combination of basis (P, N) to offsets (N,), N >= MIN_ROWS.
 
     Reweighted least squares (Huber), from the assumed axis, which is robust. The weight of a row is
     its curvature squared, as in a Gauss-Newton step on the image.
@@ -179,6 +179,25 @@ def correlation_factor(residual_px: FloatArray) -> float:
     return float(BLOCK_ROWS * np.dot(means, means) / (blocks * whole))
 
 
+def local_noise(residual_px: FloatArray) -> tuple[float, float]:
+    """Estimate the noise of rows around a smooth curve: deviation [px], correlation factor.
+
+    residual_px: (N,) of neighbouring rows, in which a smooth curve may be left. The deviation is
+    that within blocks of rows, the factor is that of second differences of their means.
+    """
+    blocks = len(residual_px) // BLOCK_ROWS
+    if blocks < 4:
+        return math.sqrt(float(np.mean(np.square(residual_px)))), 1.0
+    parts = residual_px[: blocks * BLOCK_ROWS].reshape(blocks, BLOCK_ROWS)
+    means = parts.mean(axis=1)
+    inner = parts - means[:, None]
+    variance = float(np.square(inner).sum()) / (blocks * (BLOCK_ROWS - 1))
+    bends = means[:-2] - 2.0 * means[1:-1] + means[2:]
+    # of independent rows: 1 + 4 + 1 times the variance of a mean
+    expected = 6.0 * max(variance, 1e-12) / BLOCK_ROWS
+    return math.sqrt(variance), float(np.mean(np.square(bends))) / expected
+
+
 def _moments(basis: FloatArray, weight: FloatArray) -> FloatArray:
     return np.asarray((basis * weight) @ basis.T)
 
@@ -190,14 +209,17 @@ def _solve(basis: FloatArray, y: FloatArray, weight: FloatArray) -> FloatArray:
 
 
 def _inverse(a: FloatArray) -> FloatArray:
-    """Invert a symmetric matrix of two or three rows; LAPACK takes three times as long."""
+    """Invert a symmetric matrix; of two or three rows LAPACK takes three times as long."""
+    if len(a) > 3:
+        return np.asarray(np.linalg.pinv(a, hermitian=True))
     if len(a) == 2:
         (p, q), (_, r) = a.tolist()
         scale = 1.0 / max(p * r - q * q, 1e-300)
         return np.array([[r * scale, -q * scale], [-q * scale, p * scale]])
     (p, q, r), (_, s, t), (_, _, w) = a.tolist()
     x, y, z = s * w - t * t, r * t - q * w, q * t - r * s
-    scale = 1.0 / (p * x + q * y + r * z)
+    determinant = p * x + q * y + r * z
+    scale = 1.0 / determinant if determinant else 0.0
     m, n, k = p * w - r * r, q * r - p * t, p * s - q * q
     return np.array([[x, y, z], [y, m, n], [z, n, k]]) * scale
 

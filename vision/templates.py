@@ -57,6 +57,6 @@ def make_templates(look: CableLook) -> Templates:
     bells = left * np.exp(-0.5 * left**2) - right * np.exp(-0.5 * right**2)
     second = -scale / look.blur_px * bells
     pair = np.stack([first, second], axis=1)
-    pair = np.asarray(pair - pair.mean(axis=2, keepdims=True), np.float32)
-    middle = pair[PHASES // 2]
-    return Templates(half, pair, float(np.linalg.norm(middle[0])), float(np.linalg.norm(middle[1])))
+    pairs = np.asarray(pair - pair.mean(axis=2, keepdims=True)).astype(np.float32)
+    norms = np.linalg.norm(pairs[PHASES // 2], axis=1)
+    return Templates(half, pairs, float(norms[0]), float(norms[1]))

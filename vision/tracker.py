@@ -36,6 +36,7 @@ MAX_SCATTER_PX = 0.3
 MAX_SCATTER_SIGMAS = 3.0  # of the noise
 MIN_SIZE_PX = 64
 LOOK_CHANGE_REL = 0.15  # a template that differs less is kept
+CLEAR_FACTOR = 3.0  # chance does not correlate the rows of one frame so much
 FACTOR_WEIGHT = 0.1  # of the newest frame in the mean correlation of the rows
 # weights of the last angles in the predicted one, newest first, by the number of angles
 EXTRAPOLATION_WEIGHTS = ((), (1.0,), (2.0, -1.0), (3.0, -3.0, 1.0))
@@ -51,7 +52,10 @@ class TrackFailure(enum.Enum):
     AMBIGUOUS = "ambiguous"
     POOR_FIT = "poor_fit"
     BAD_IMAGE = "bad_image"
-    STATIC = "static"
+    STATIC = "static"  # it never moves, and so is not the cable
+    DUPLICATE = "duplicate"  # the picture before once more
+    FROZEN = "frozen"  # the same picture for a while
+    DAMAGED = "damaged"
 
 
 class LowerLink(NamedTuple):
@@ -128,6 +132,7 @@ class Tracker:
         """Clear the angle history; the next image is searched as a whole."""
         self._angles_rad: tuple[float, ...] = ()  # newest first
         self._axis: Axis | None = None  # the last one
+        self._axis_before: Axis | None = None
         self._pivot_miss_px = 0.0
 
     def measure(
@@ -161,7 +166,9 @@ class Tracker:
             angle_rad = sum(map(operator.mul, self._angles_rad, weights))
         slope = math.tan(angle_rad)
         line = ImageLine(pivot_px[0] + self._pivot_miss_px - slope * pivot_px[1], slope)
-        return Axis(line) if self._axis is None else self._axis._replace(line=line)
+        if self._axis is None:
+            return Axis(line)
+        return self._axis.extrapolated(self._axis_before)._replace(line=line)
 
     def _store(self, fit: Fit) -> None:
         if fit.angle_rad is None or fit.pivot_miss_px is None:
@@ -282,10 +289,13 @@ class Tracker:
             reason = TrackFailure.POOR_FIT
         valid = reason is TrackFailure.NONE
         if valid:
-            self._axis = measured.axis
+            self._axis_before, self._axis = self._axis, measured.axis
             self._factor += FACTOR_WEIGHT * (measured.correlation_factor - self._factor)
         flat = 1.0 + line.slope**2
-        sigma_rad = measured.sigma_slope * math.sqrt(max(1.0, self._factor)) / flat
+        factor = max(1.0, self._factor)
+        if measured.correlation_factor > CLEAR_FACTOR:
+            factor = max(factor, measured.correlation_factor)
+        sigma_rad = measured.sigma_slope * math.sqrt(factor) / flat
         return Fit(
             angle_rad=math.atan(line.slope) if valid else None,
             sigma_rad=sigma_rad if valid else None,
