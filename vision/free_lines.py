@@ -13,8 +13,8 @@ from vision.ridge import FLANK_PX, SLOPE_LIMIT, line_response
 SCALES = (1, 2, 4, 8)  # a cable of some 2, 5, 10 and 20 px is 3 px wide at these
 MIN_SIZE_PX = 64  # of a reduced picture
 ROW_STEP = 4  # of the rows looked at, in pixels of the whole picture
-MIN_SIGMAS = 4.0  # response of a point on a line
-MIN_LEVELS = 3.0  # the same, in grey levels
+MIN_SIGMAS = 2.5  # response of a point on a line
+MIN_LEVELS = 2.0  # the same, in grey levels
 PEAK_PX = 9  # one point in so many columns
 MAX_POINTS = 3000
 HYPOTHESES = 400  # lines through two points; one of them fits if a tenth of the points is on it

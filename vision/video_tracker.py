@@ -28,6 +28,7 @@ class VideoTracker:
         self._tracker = Tracker(width, height)
         self._shift_px = (0.0, 0.0)  # from a told pivot to the true one
         self._last: Grey | None = None
+        self._repeated = 0  # times that the last picture came again
 
     def prepare(self, pictures: Sequence[Grey], pivots_px: Sequence[Point] | None = None) -> None:
         """Look at pictures spread over the video before any is measured."""
@@ -42,9 +43,13 @@ class VideoTracker:
 
     def measure(self, image: Grey, pivot_px: Point) -> Fit:
         """Measure the angle of the cable in a colour picture (height, width, 3)."""
-        if self._last is not None and np.array_equal(self._last, image):
-            return Fit(reason=TrackFailure.AMBIGUOUS)
-        self._last = image
+        fit = self._measured(image, pivot_px)
+        repetition = self._repetition(image)
+        if fit.valid and repetition is not None:
+            return replace(fit, angle_rad=None, sigma_rad=None, reason=repetition, lower=None)
+        return fit
+
+    def _measured(self, image: Grey, pivot_px: Point) -> Fit:
         if self.look is None:
             return self._tracker.measure(np.ascontiguousarray(image[:, :, 2]), pivot_px)
         view = self.look.view
@@ -54,3 +59,12 @@ class VideoTracker:
         if fit.reason is TrackFailure.NO_CABLE and self.look.subject is Subject.STILL:
             return replace(fit, reason=TrackFailure.STATIC)
         return fit
+
+    def _repetition(self, image: Grey) -> TrackFailure | None:
+        """Tell if a picture equals the last one in every pixel."""
+        is_same = self._last is not None and np.array_equal(self._last, image)
+        self._last = image
+        self._repeated = self._repeated + 1 if is_same else 0
+        if self._repeated == 0:
+            return None
+        return TrackFailure.DUPLICATE if self._repeated == 1 else TrackFailure.FROZEN
