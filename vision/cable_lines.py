@@ -69,7 +69,6 @@ def cable_lines(pictures: Sequence[Grey], width_px: float | None = None) -> Cabl
     better = [None if item is None else item.measured.line for item in lines]
     if width_px is None:
         look = _measured_look(pictures, better) or look
-    median = median_without(pictures, better, look)
     is_moving = _is_moving([item for item in lines if item is not None], pictures[0].shape[0])
     return CableLines(tuple(lines), median, look, is_moving, make_templates(look).half_px)
 
@@ -143,63 +142,46 @@ def median_without(
 ) -> Grey:
     """Compute the median of each pixel (height, width) over the pictures without the cable.
 
-    Where the cable is in nearly all pictures the level is interpolated along the row. A picture
-    whose line is not known is left out.
+    The pixels of the cable are replaced by 0 and 255 in turn, which leaves the median of the
+    others. Where the cable is in nearly all pictures the level is interpolated along the row. A
+    picture whose line is not known is left out.
     """
-    used = [
-        (picture, line) for picture, line in zip(pictures, lines, strict=True) if line is not None
-    ]
+    used = [index for index, line in enumerate(lines) if line is not None]
     if len(used) < MIN_UNMASKED:
         return median_picture(pictures)
-    height, width = pictures[0].shape
-    stack = np.stack([picture for picture, _ in used])
-    lowest = np.full(height, width)
-    highest = np.zeros(height, np.intp)
-    rows = np.arange(height, dtype=np.float64)
-    reach_px = 0.5 * look.width_px + MASK_BLURS * look.blur_px + MASK_PX
-    bands = []
-    for _, line in used:
-        reach = reach_px * math.hypot(1.0, line.slope)
-        centre = np.asarray(line.at(rows))
-        left = np.clip(np.floor(centre - reach), 0, width).astype(np.intp)
-        right = np.clip(np.ceil(centre + reach) + 1, 0, width).astype(np.intp)
-        bands.append((left, right))
-        lowest, highest = np.minimum(lowest, left), np.maximum(highest, right)
+    stack = np.stack([pictures[index] for index in used])
+    covered = np.zeros(stack.shape[1:], np.uint8)  # by the cable, number of pictures
+    for picture, index in zip(stack, used, strict=True):
+        rows, first, last = _band(lines[index], look, covered.shape)
+        for row, begin, end in zip(rows, first, last, strict=True):
+            count = covered[row, begin:end]
+            picture[row, begin:end] = (count & 1) * 255
+            count += 1
     median = np.asarray(np.median(stack, axis=0), np.uint8)
-    for row in range(height):
-        _mend_row(median, stack, row, bands, int(lowest[row]), int(highest[row]))
+    unknown = covered > len(used) - MIN_UNMASKED
+    columns = np.arange(median.shape[1])
+    for row in np.flatnonzero(unknown.any(axis=1)):
+        known = ~unknown[row]
+        if known.any():
+            median[row, ~known] = np.interp(columns[~known], columns[known], median[row, known])
     return median
 
 
-def _mend_row(
-    median: Grey,
-    stack: Grey,
-    row: int,
-    bands: Sequence[tuple[FloatArray, FloatArray]],
-    first: int,
-    last: int,
-) -> None:
-    """Replace the median of columns first to last of a row by that of the pictures without cable."""
-    if last <= first:
-        return
-    levels = stack[:, row, first:last].astype(np.float32)
-    for index, (left, right) in enumerate(bands):
-        begin, end = max(int(left[row]) - first, 0), max(int(right[row]) - first, 0)
-        levels[index, begin:end] = np.nan
-    count = np.count_nonzero(np.isfinite(levels), axis=0)
-    known = count >= MIN_UNMASKED
-    if not known.any() and (first == 0 or last == median.shape[1]):
-        return
-    levels[:, ~known] = 0.0
-    mended = np.nanmedian(levels, axis=0)
-    if not known.all():
-        columns = np.arange(first, last)
-        at = np.concatenate([[first - 1], columns[known], [last]])
-        inside = (at >= 0) & (at < median.shape[1])
-        edge = [median[row, max(first - 1, 0)], median[row, min(last, median.shape[1] - 1)]]
-        value = np.concatenate([[edge[0]], mended[known], [edge[1]]])
-        mended[~known] = np.interp(columns[~known], at[inside], value[inside])
-    median[row, first:last] = mended
+def _band(
+    line: ImageLine | None, look: CableLook, shape: tuple[int, int]
+) -> tuple[list[int], list[int], list[int]]:
+    """Compute the rows that the cable covers, with first column and end of each."""
+    height, width = shape
+    if line is None:
+        return [], [], []
+    rows = np.arange(height, dtype=np.float64)
+    reach = 0.5 * look.width_px + MASK_BLURS * look.blur_px + MASK_PX
+    reach *= math.hypot(1.0, line.slope)
+    centre = np.asarray(line.at(rows))
+    first = np.clip(np.floor(centre - reach), 0, width).astype(int)
+    last = np.clip(np.ceil(centre + reach) + 1, 0, width).astype(int)
+    seen = last > first
+    return np.flatnonzero(seen).tolist(), first[seen].tolist(), last[seen].tolist()
 
 
 def swing_of(found: CableLines) -> tuple[float, float]:
