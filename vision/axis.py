@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vision.finder import Found
+from vision.finder import Points
 from vision.knee import STEP_ROWS, find_knee, robust_fit
 from vision.line_fit import (
     MIN_ROWS,
@@ -19,6 +19,7 @@ from vision.line_fit import (
     Rows,
     correlation_factor,
     huber_fit,
+    huber_line,
     local_noise,
     row_offsets,
 )
@@ -37,6 +38,7 @@ KNEE_GAIN = 0.5  # a joint must leave less of the scatter than a parabola does
 KNEE_NOISES, KNEE_SCATTER_PX = 1.3, 0.005  # and not much more than the noise of a row
 MIN_KNEE_SLOPE = 3e-3  # below, the row of the joint is not measured
 MIN_FIRST_KNEE_SLOPE = 8e-3  # below, a joint is not told from a bend
+MIN_LINK_SHARE = 0.2  # of the height of the picture, for the rows of the first link
 MAX_KNEE_STEP_ROWS = 20.0
 
 
@@ -53,6 +55,11 @@ class Axis(NamedTuple):
     square_slope: float = 0.0
     knee_row: float | None = None  # row of a joint between two links
     knee_slope: float = 0.0  # change of the slope there
+
+    @property
+    def is_bent(self) -> bool:
+        """True if it is not a straight line."""
+        return bool(self.bend_px) or self.knee_row is not None
 
     def extrapolated(self, before: Axis | None) -> Axis:
         """Predict the shape of the next axis from the last two, where both have a joint."""
@@ -133,7 +140,9 @@ class AxisFitter:
             return None
         u = self.columns(assumed, v)
         low, high = self._border_px, self._width - 1 - self._border_px
-        if not (u.min() > low and u.max() < high):
+        is_straight = not assumed.bend_px and assumed.knee_row is None
+        ends = (float(u[0]), float(u[-1])) if is_straight else (u.min(), u.max())
+        if not low < min(ends) <= max(ends) < high:
             inside = (u > low) & (u < high)
             v, u = v[inside], u[inside]
         visible = len(v)
@@ -176,11 +185,11 @@ class AxisFitter:
             offsets = RowOffsets(offsets.offset_px + change_px, offsets.curvature)
             assumed, rows = straight, rows._replace(offsets=offsets)
         part = _part(v)
-        fit = huber_fit(self._basis[:2, part], offsets)
+        fit = huber_line(self._basis[1, part], offsets)
         if not self._is_bent(part, fit):
             return self._straight(assumed, rows, fit)
         fit = huber_fit(self._basis[:, part], offsets)
-        factor = correlation_factor(fit.residual_px[fit.is_near])
+        factor = correlation_factor(fit.residual_px * fit.is_near)
         if factor > KNEE_FACTOR:
             knee = self._knee(assumed, rows, fit, noise)
             if knee is not None:
@@ -203,20 +212,22 @@ class AxisFitter:
             KNEE_GAIN * fit.scatter_px, KNEE_NOISES * noise_px + KNEE_SCATTER_PX
         ):
             return None
+        if np.count_nonzero(rows.v < knee.row) < MIN_LINK_SHARE * self._height:
+            return None
         return Axis(knee.line, knee_row=knee.row, knee_slope=knee.change)
 
     def _is_bent(self, part: slice | Rows, fit: AxisFit) -> bool:
         """Tell if the rows lie on a parabola rather than on a line."""
         t = self._basis[1, part]
-        span = float(t[-1] - t[0])
-        middle = 0.5 * float(t[-1] + t[0])
+        first, last = float(t[0]), float(t[-1])
+        span, middle = last - first, 0.5 * (first + last)
         # a parabola without a straight part, for rows at equal distances
-        parabola = np.square(t - middle) - span * span / 12.0
-        weight = parabola * fit.is_near
-        size = float(np.dot(weight, parabola))
+        parabola = self._basis[2, part] - (2.0 * middle) * t
+        parabola += middle * middle - span * span / 12.0
+        size = float(np.dot(parabola, parabola))
         if size <= 0.0:
             return False
-        bend_px = float(np.dot(weight, fit.residual_px)) / size
+        bend_px = float(np.dot(parabola * fit.is_near, fit.residual_px)) / size
         limit_px = BEND_SIGMAS * fit.scatter_px / math.sqrt(size)
         return abs(bend_px) > max(limit_px, 4.0 * MIN_BEND_PX / max(span * span, 1e-6))
 
@@ -228,7 +239,7 @@ class AxisFitter:
     def _bent(self, assumed: Axis, rows: MeasuredRows, fit: AxisFit) -> MeasuredAxis:
         """Take a fitted parabola as the axis, with the straight line that fits its rows best."""
         used = rows.v
-        bend_px = float(fit.coefficients[2])
+        bend_px = float(fit.further[0])
         # the line is that of all rows; only what is clearly off the axis has the fitted place
         is_off = ~fit.is_near & (np.abs(fit.residual_px) > MAX_SHAPE_ERROR_PX)
         offset_px = rows.offsets.offset_px - np.where(is_off, fit.residual_px, 0.0)
@@ -255,15 +266,16 @@ class AxisFitter:
         stacked = np.stack(basis)
         fit = huber_fit(stacked, rows.offsets)
         line, sigma = self._line(assumed, fit)
-        slope = assumed.knee_slope + float(fit.coefficients[2]) / self._height
+        slope = assumed.knee_slope + float(fit.further[0]) / self._height
         if is_clear:
-            moved_rows = -float(fit.coefficients[3]) / assumed.knee_slope
+            moved_rows = -float(fit.further[1]) / assumed.knee_slope
             knee_row += min(max(moved_rows, -MAX_KNEE_STEP_ROWS), MAX_KNEE_STEP_ROWS)
             knee_row = min(max(knee_row, float(v[0])), float(v[-1]))
         variance = fit.covariance[1, 1] * 4.0 + fit.covariance[2, 2] + 4.0 * fit.covariance[1, 2]
         axis = Axis(line, knee_row=knee_row, knee_slope=slope)
-        change_px = np.abs(fit.coefficients @ stacked[:, [0, -1]])
-        measured = self._measured(rows, fit, axis, sigma, float(change_px.max()))
+        coefficients = np.array([fit.shift, fit.slope, *fit.further])
+        moved_px = np.abs(coefficients @ stacked[:, [0, -1]]).max()
+        measured = self._measured(rows, fit, axis, sigma, float(moved_px))
         upper = rows.v[fit.is_near & (v < knee_row)]
         last_row = int(upper[-1]) if upper.size else measured.last_row
         sigma_lower = math.sqrt(max(0.0, float(variance))) / self._height
@@ -271,33 +283,38 @@ class AxisFitter:
 
     def _line(self, assumed: Axis, fit: AxisFit) -> tuple[ImageLine, float]:
         """Add the fitted line to the assumed one; t = 2 v / H - 1. Returns sigma of the slope."""
-        shift, slope_t = float(fit.coefficients[0]), float(fit.coefficients[1])
         per_row = 2.0 / self._height
         line = ImageLine(
-            assumed.line.intercept_px + shift - slope_t, assumed.line.slope + slope_t * per_row
+            assumed.line.intercept_px + fit.shift - fit.slope,
+            assumed.line.slope + fit.slope * per_row,
         )
-        return line, per_row * math.sqrt(max(0.0, float(fit.covariance[1, 1])))
+        return line, per_row * math.sqrt(max(0.0, fit.variance_slope))
 
     def _moved_px(self, v: Rows, fit: AxisFit) -> float:
         """Compute the largest change of the column in the first and the last row."""
-        ends = (self._basis[: len(fit.coefficients), row] for row in (v[0], v[-1]))
-        return max(abs(float(fit.coefficients @ end)) for end in ends)
+        moved = []
+        for row in (v[0], v[-1]):
+            _, t, square = self._basis[:, row].tolist()
+            bend = fit.further[0] * square if fit.further.size else 0.0
+            moved.append(abs(fit.shift + fit.slope * t + bend))
+        return float(max(moved))
 
     def _measured(
         self, rows: MeasuredRows, fit: AxisFit, axis: Axis, sigma_slope: float, moved_px: float
     ) -> MeasuredAxis:
-        near = np.flatnonzero(fit.is_near)
+        is_near = fit.is_near
+        last = len(is_near) - 1 - int(is_near[::-1].argmax())
         return MeasuredAxis(
             axis=axis,
             rows=fit.rows,
             visible_rows=rows.visible,
             static_rows=rows.static,
-            first_row=int(rows.v[near[0]]),
-            last_row=int(rows.v[near[-1]]),
+            first_row=int(rows.v[int(is_near.argmax())]),
+            last_row=int(rows.v[last]),
             scatter_px=fit.scatter_px,
             curvature=fit.curvature,
             sigma_slope=sigma_slope,
-            correlation_factor=correlation_factor(fit.residual_px[near]),
+            correlation_factor=correlation_factor(fit.residual_px * is_near),
             moved_px=moved_px,
         )
 
@@ -315,17 +332,24 @@ class AxisFitter:
         line = ImageLine(float(columns.mean()) - slope * middle, slope)
         return Axis(line, bend_px, level, lever)
 
-    def shape(self, found: Found) -> Axis | None:
-        """Choose a bent axis, or one with a joint, through points found near a line."""
-        rows, columns = found.rows_px, found.columns_px
+    def shapes(self, points: Points) -> list[Axis]:
+        """List the shapes that points near a line may have: straight, bent, or with a joint."""
+        rows, columns = points.rows_px, points.columns_px
+        found = [Axis(points.line)]
         if rows.size < MIN_SHAPE_POINTS:
-            return None
+            return found
         t = (2.0 * rows - self._height) / self._height
         bent, bent_px = robust_fit(np.stack([np.ones_like(rows), rows, t * t]), columns)
+        parabola = Axis(ImageLine(float(bent[0]), float(bent[1])), float(bent[2]))
         knee = find_knee(rows, columns)
-        if knee is not None and knee.scatter_px < KNEE_GAIN * bent_px:
-            return Axis(knee.line, knee_row=knee.row, knee_slope=knee.change)
-        return Axis(ImageLine(float(bent[0]), float(bent[1])), float(bent[2]))
+        least = MIN_LINK_SHARE * self._height
+        if (
+            knee is not None
+            and knee.row - rows[0] > least
+            and (knee.scatter_px < KNEE_GAIN * bent_px)
+        ):
+            found.append(Axis(knee.line, knee_row=knee.row, knee_slope=knee.change))
+        return [*found, parabola]
 
 
 def _part(v: Rows) -> slice | Rows:

@@ -34,7 +34,11 @@ MIN_ROWS_SHARE = 0.12  # of the image height; fewer rows are too short for a slo
 # a fit is poor if its scatter exceeds both
 MAX_SCATTER_PX = 0.3
 MAX_SCATTER_SIGMAS = 3.0  # of the noise
+MAX_STRUCTURED_RAD = 1e-3  # sigma of rows that follow something else than an axis
+MIN_BENT_SHARE = 0.6  # of the visible rows that must agree on a bent axis
+MAX_MEAN_FACTOR = 20.0
 MIN_SIZE_PX = 64
+LOOK_ROW_STEP = 2  # of the rows that show width and blur
 LOOK_CHANGE_REL = 0.15  # a template that differs less is kept
 CLEAR_FACTOR = 3.0  # chance does not correlate the rows of one frame so much
 FACTOR_WEIGHT = 0.1  # of the newest frame in the mean correlation of the rows
@@ -235,30 +239,42 @@ class Tracker:
     def _fit_found(
         self, image: Grey, levels: Levels, found: Found, pivot_px: tuple[float, float], scale: int
     ) -> Fit:
+        """Fit the axis from a line found at a scale, straight or of another shape."""
         if not self._is_look_known:
-            self._learn_look(image, found, scale)
+            guess = CableLook(2.5 * scale, max(0.85, 0.5 * scale))
+            self._learn_look(image, Axis(found.line), pivot_px, guess)
         measured = self._refine(image, levels, Axis(found.line), pivot_px, 0.0)
         fit = self._checked(measured, levels, pivot_px)
-        if not fit.valid:
-            bent = self._fitter.shape(found)
-            again = None if bent is None else self._refine(image, levels, bent, pivot_px, 0.0)
-            other = self._checked(again, levels, pivot_px)
-            fit = other if other.valid else fit
-            measured = again if other.valid else measured
+        if not fit.valid or not _is_whole(measured):
+            points = self._finders[scale].points(image, found.line, pivot_px, levels)
+            for axis in () if points is None else self._fitter.shapes(points):
+                other = self._refine(image, levels, axis, pivot_px, 0.0)
+                again = self._checked(other, levels, pivot_px)
+                if again.valid and (not fit.valid or again.rows > fit.rows):
+                    measured, fit = other, again
+                if fit.valid and _is_whole(measured):
+                    break
         if not fit.valid or measured is None:
             return fit
         if not self._is_look_known:
-            self._is_look_known = self._learn_look(image, found, scale)
+            # once more, around the axis itself
+            look = self._fitter.look
+            self._is_look_known = self._learn_look(image, measured.axis, pivot_px, look)
         is_rivalled = self._rivals.is_rivalled(image, levels, measured, pivot_px, self._static)
         if found.ambiguous or is_rivalled:
             return _failed(TrackFailure.AMBIGUOUS, levels)
         return fit
 
-    def _learn_look(self, image: Grey, found: Found, scale: int) -> bool:
-        """Measure width and blur around a line, and change the templates; False if unclear."""
-        guess = CableLook(2.5 * scale, max(0.85, 0.5 * scale))
-        line = found.line
-        look = measure_look(image, found.rows_px, line.at(found.rows_px), line.slope, guess)
+    def _learn_look(
+        self, image: Grey, axis: Axis, pivot_px: tuple[float, float], guess: CableLook
+    ) -> bool:
+        """Measure width and blur around an axis, and change the templates; False if unclear."""
+        first = max(0, math.ceil(pivot_px[1]) + CLEAR_ROWS)
+        rows = np.arange(first, self.height, LOOK_ROW_STEP)
+        if rows.size < MIN_ROWS:
+            return False
+        columns = self._fitter.columns(axis, rows)
+        look = measure_look(image, rows.astype(np.float64), columns, axis.line.slope, guess)
         if look is None:
             return False
         now = self._fitter.look
@@ -274,28 +290,43 @@ class Tracker:
             return _failed(TrackFailure.FEW_ROWS, levels)
         return self._check(measured, levels, pivot_px)
 
-    def _check(self, measured: MeasuredAxis, levels: Levels, pivot_px: tuple[float, float]) -> Fit:
-        line = measured.axis.line
-        miss_px = line.at(pivot_px[1]) - pivot_px[0]
-        noise_px = levels.noise * self._fitter.first_norm / measured.curvature
-        reason = TrackFailure.NONE
-        if abs(miss_px) > MAX_PIVOT_MISS_PX:
-            reason = TrackFailure.PIVOT_MISSED
-        elif measured.rows < max(MIN_ROWS, MIN_ROWS_SHARE * self.height):
-            reason = TrackFailure.FEW_ROWS
-            if measured.static_rows > measured.rows:
-                reason = TrackFailure.STATIC
-        elif measured.scatter_px > max(MAX_SCATTER_PX, MAX_SCATTER_SIGMAS * noise_px):
-            reason = TrackFailure.POOR_FIT
-        valid = reason is TrackFailure.NONE
-        if valid:
-            self._axis_before, self._axis = self._axis, measured.axis
-            self._factor += FACTOR_WEIGHT * (measured.correlation_factor - self._factor)
-        flat = 1.0 + line.slope**2
+    def _sigma_rad(self, measured: MeasuredAxis) -> float:
+        """Compute the standard deviation of the angle, with the correlation of the rows."""
         factor = max(1.0, self._factor)
         if measured.correlation_factor > CLEAR_FACTOR:
             factor = max(factor, measured.correlation_factor)
-        sigma_rad = measured.sigma_slope * math.sqrt(factor) / flat
+        return measured.sigma_slope * math.sqrt(factor) / (1.0 + measured.axis.line.slope**2)
+
+    def _failure(
+        self, measured: MeasuredAxis, levels: Levels, miss_px: float, sigma_rad: float
+    ) -> TrackFailure:
+        """Judge a fitted axis."""
+        if abs(miss_px) > MAX_PIVOT_MISS_PX:
+            return TrackFailure.PIVOT_MISSED
+        if measured.rows < max(MIN_ROWS, MIN_ROWS_SHARE * self.height):
+            is_static = measured.static_rows > measured.rows
+            return TrackFailure.STATIC if is_static else TrackFailure.FEW_ROWS
+        noise_px = levels.noise * self._fitter.first_norm / measured.curvature
+        is_scattered = measured.scatter_px > max(MAX_SCATTER_PX, MAX_SCATTER_SIGMAS * noise_px)
+        is_structured = (
+            measured.correlation_factor > CLEAR_FACTOR and sigma_rad > MAX_STRUCTURED_RAD
+        )
+        # a bent axis through a part of the rows may be that of something else
+        is_part = measured.axis.is_bent and measured.rows < MIN_BENT_SHARE * measured.visible_rows
+        if is_scattered or is_structured or is_part:
+            return TrackFailure.POOR_FIT
+        return TrackFailure.NONE
+
+    def _check(self, measured: MeasuredAxis, levels: Levels, pivot_px: tuple[float, float]) -> Fit:
+        line = measured.axis.line
+        miss_px = line.at(pivot_px[1]) - pivot_px[0]
+        sigma_rad = self._sigma_rad(measured)
+        reason = self._failure(measured, levels, miss_px, sigma_rad)
+        valid = reason is TrackFailure.NONE
+        if valid:
+            self._axis_before, self._axis = self._axis, measured.axis
+            factor = min(measured.correlation_factor, MAX_MEAN_FACTOR)
+            self._factor += FACTOR_WEIGHT * (factor - self._factor)
         return Fit(
             angle_rad=math.atan(line.slope) if valid else None,
             sigma_rad=sigma_rad if valid else None,
@@ -312,6 +343,11 @@ class Tracker:
             sigma_bend_px=measured.sigma_bend_px,
             lower=_lower_link(measured) if valid else None,
         )
+
+
+def _is_whole(measured: MeasuredAxis | None) -> bool:
+    """Tell if nearly all rows agree."""
+    return measured is not None and measured.rows >= MIN_DIRECT_SHARE * measured.visible_rows
 
 
 def _lower_link(measured: MeasuredAxis) -> LowerLink | None:
