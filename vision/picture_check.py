@@ -1,7 +1,8 @@
 """Faults of pictures that only their neighbours show: repeated, damaged, cut, looped.
 
-Each picture is sampled in all rows and about 80 columns of the plane with the most contrast; three of these samples are
-compared. Noise is told from change by the median difference of the last pictures.
+Each picture is sampled in all rows and about 80 columns of the plane with the most contrast; three
+of these samples are compared, at equal light. Noise is told from change by the median difference of
+the last pictures.
 """
 
 from __future__ import annotations
@@ -26,16 +27,19 @@ MOVED, STILL_SHARE = 20, 0.1  # changed samples of a motion; of that, at rest
 SAME_SHARE = 0.25  # a difference of so little of the noise is a repetition
 CHANGE = 5.0  # median differences by which a sample has changed
 CHANGE_OFFSET, MAX_CHANGE = 6.0, 40.0  # grey levels
+MEDIAN_ROWS, MEDIAN_STEP = 60, 4  # rows and step of columns of which the light is taken
+LIGHT_STEP = 2.0  # grey levels
 CHANGED_ROW = 0.5  # of its samples
 CUT_ROWS = 0.3  # of all rows
 CUT_CORRELATION = 0.5  # less: another scene; more: another light
-SPIKE, SPIKE_OFFSET = 4.0, 20  # change of one picture over that of its neighbours; samples
+LOOP_PICTURES = 8
+SPIKE, SPIKE_ROWS = 4.0, 0.2  # change of one picture: over that of its neighbours; of the rows
 
 
 class Pair(NamedTuple):
     """Comparison of a picture with the one before."""
 
-    difference: float  # mean over the samples, grey levels
+    difference: float  # mean over the samples that did not change, grey levels
     changed: int  # number of samples
     changed_rows: int  # rows most of whose samples changed
     is_same: bool
@@ -68,7 +72,7 @@ class PictureCheck:
     @property
     def noise(self) -> float:
         """Smallest usual difference of two pictures, grey levels; 0 while unknown."""
-        return self._noise.floor()
+        return self._noise.floor() or 0.0
 
     def add(self, sample: Image, is_bad: bool, is_after_gap: bool) -> Verdict | None:
         """Take the sample of the next picture; return the verdict on the one before, if any.
@@ -97,26 +101,29 @@ class PictureCheck:
     def _is_same(self, difference: float, changed: int) -> bool:
         """Tell if a picture repeats the one before."""
         _, earlier, pair = self._pairs
-        follows_same = pair is not None and pair.is_same
         floor = self._noise.floor()
-        if difference <= EXACT and (self._keeps_noise or floor >= VISIBLE_NOISE):
-            return True
+        is_exact = difference <= EXACT and changed == 0
+        if floor is None:
+            return self._keeps_noise and is_exact
+        follows_same = pair is not None and pair.is_same
         if floor >= VISIBLE_NOISE:
-            # once: what stays as low is less noise
-            return difference <= SAME_SHARE * floor and not follows_same
+            # less than the noise once only: what stays as low is less noise
+            is_less = difference <= SAME_SHARE * floor and changed == 0
+            return is_exact or (is_less and not follows_same)
         if pair is None or follows_same:
-            return follows_same and difference <= EXACT
+            return follows_same and is_exact
         # motion stops at once; where it turns, it falls from picture to picture
         falls = earlier is not None and pair.changed < STEADY_SHARE * earlier.changed
         return pair.changed >= MOVED and changed <= STILL_SHARE * pair.changed and not falls
 
     def _difference(self, sample: Image, other: Image) -> tuple[float, int, int]:
-        """Compute the mean difference, the number of changed samples and that of changed rows."""
-        levels = cv2.absdiff(sample, other)
-        mean = cv2.sumElems(levels)[0] / levels.size
+        """Compare two pictures: mean difference, number of changed samples and of changed rows."""
+        levels = cv2.absdiff(sample, _at_light_of(sample, other))
         limit = min(CHANGE * self._noise.median() + CHANGE_OFFSET, MAX_CHANGE)
         _, changed = cv2.threshold(levels, limit, 1, cv2.THRESH_BINARY)
         count = cv2.countNonZero(changed)
+        _, quiet = cv2.threshold(levels, limit, 0, cv2.THRESH_TOZERO_INV)
+        mean = cv2.sumElems(quiet)[0] / levels.size
         row_limit = CHANGED_ROW * sample.shape[1]
         if count <= row_limit:
             return mean, count, 0
@@ -133,7 +140,7 @@ class PictureCheck:
             is_damaged = is_damaged or self._was_damaged
         elif not is_bad:
             is_damaged, is_cut = self._place(sample, after)
-            is_cut = is_cut or (not faults and self._is_spike(after))
+            is_cut = is_cut or (not faults and self._is_spike(after, len(sample)))
         if is_damaged:
             faults.add(FrameFault.DAMAGED)
         elif not is_same:
@@ -173,7 +180,7 @@ class PictureCheck:
             return pair.changed_rows  # the one before was good
         return self._difference(sample, self._good)[2]
 
-    def _is_spike(self, after: Pair | None) -> bool:
+    def _is_spike(self, after: Pair | None, rows: int) -> bool:
         """Tell if the picture changed far more than those before and after it."""
         _, before, pair = self._pairs
         if before is None or pair is None or after is None or self._is_after_gap:
@@ -181,30 +188,35 @@ class PictureCheck:
         if before.is_same or after.is_same or self._was_damaged:
             return False
         usual = max(before.changed, after.changed)
-        return pair.changed > SPIKE * usual + SPIKE_OFFSET
+        return pair.changed > SPIKE * usual + SPIKE_ROWS * rows
 
 
 class LoopCheck:
-    """Search for the two first pictures later in a stream."""
+    """Search for the first pictures of a stream later in it."""
 
     def __init__(self) -> None:
         self._first: list[Image] = []
         self._matched = 0  # pictures in a row
+        self._has_moved = False
         self._is_found = False
 
     def add(self, sample: Image, noise: float) -> bool:
-        """Take the next picture that differs from the one before; tell if the stream repeats.
-
-        True once, at the second picture of the first repetition.
-        """
-        if len(self._first) < 2:
+        """Take the next picture; tell once, LOOP_PICTURES after it, if the stream begins again."""
+        if len(self._first) < LOOP_PICTURES:
             self._first.append(sample)
             return False
         if self._is_found:
             return False
-        is_alike = _is_alike(sample, self._first[self._matched], noise)
+        limit = CHANGE * noise + CHANGE_OFFSET
+        expected = self._first[self._matched]
+        is_moved = cv2.norm(sample, expected, cv2.NORM_INF) > limit
+        self._has_moved = self._has_moved or is_moved
+        difference = cv2.norm(sample, expected, cv2.NORM_L1) / sample.size
+        is_alike = not is_moved and difference <= SAME_SHARE * noise + EXACT
         self._matched = self._matched + 1 if is_alike else 0
-        self._is_found = self._matched == 2
+        self._is_found = self._has_moved and self._matched == LOOP_PICTURES
+        if self._matched == LOOP_PICTURES:
+            self._matched = 0
         return self._is_found
 
 
@@ -222,11 +234,17 @@ def sampled(image: Image, plane: int) -> Image:
     return np.ascontiguousarray(image[:, ::step] if image.ndim == 2 else image[:, ::step, plane])
 
 
-def _is_alike(sample: Image, other: Image, noise: float) -> bool:
-    """Tell if two pictures show the same: neither noise nor a moved thing between them."""
-    if cv2.norm(sample, other, cv2.NORM_L1) > (SAME_SHARE * noise + EXACT) * sample.size:
-        return False
-    return bool(cv2.norm(sample, other, cv2.NORM_INF) <= CHANGE * noise + CHANGE_OFFSET)
+def _at_light_of(sample: Image, other: Image) -> Image:
+    """Scale the other picture to the median level of the first: lamps flicker and steps of light.
+
+    The median stands for the screen, whatever moves before it or is damaged.
+    """
+    step = max(1, len(sample) // MEDIAN_ROWS)
+    level = float(np.median(sample[::step, ::MEDIAN_STEP]))
+    other_level = float(np.median(other[::step, ::MEDIAN_STEP]))
+    if abs(level - other_level) < LIGHT_STEP or other_level == 0.0:
+        return other
+    return np.asarray(cv2.convertScaleAbs(other, alpha=level / other_level), np.uint8)
 
 
 def _correlation(sample: Image, other: Image) -> float:
@@ -255,8 +273,8 @@ class _Recent:
             return math.inf
         return self._sorted[len(self._sorted) // 2]
 
-    def floor(self) -> float:
-        """Return the lowest tenth; 0 while few are known."""
+    def floor(self) -> float | None:
+        """Return the lowest tenth; None while few are known."""
         if len(self._sorted) < MIN_KNOWN:
-            return 0.0
+            return None
         return self._sorted[len(self._sorted) // 10]

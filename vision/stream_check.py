@@ -7,7 +7,7 @@ from itertools import groupby
 
 import numpy as np
 
-from vision.picture_check import LoopCheck, PictureCheck, busiest_plane, sampled
+from vision.picture_check import LOOP_PICTURES, LoopCheck, PictureCheck, busiest_plane, sampled
 from vision.stamp_check import StampCheck
 from vision.stream import (
     Finding,
@@ -161,10 +161,10 @@ class _StreamCheck:
         if not self._loop.add(sample, self._pictures.noise):
             return
         text = (
-            f"the pictures repeat the first ones, seen again at {frame.t_s:.3f} s: analyse one "
-            "round, with --to"
+            f"the first pictures come again before {frame.t_s:.3f} s: the recording is a loop; "
+            "analyse one round, with --to"
         )
-        number = frame.number - 1
+        number = frame.number - LOOP_PICTURES + 1
         self._findings.append(Finding(FindingKind.LOOP, number, number, frame.t_s, text))
 
     def _note_runs(self, kind: FindingKind, numbers: list[int]) -> None:
