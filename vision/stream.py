@@ -24,6 +24,7 @@ class StampKind(enum.Enum):
     RATE = "rate"  # number of the frame / frame rate that the user gave
     FILE = "file"  # file of stamps beside the pictures
     DEVICE = "device"  # driver of the camera
+    ARRIVAL = "arrival"  # clock of this computer when the picture came
     LOG = "log"  # stamp of the picture in the log of a run
 
 
@@ -77,7 +78,7 @@ class SourceFrame(NamedTuple):
 class SourceOptions(NamedTuple):
     """Choices for a source; None = the default."""
 
-    rate_hz: float | None = None  # true frame rate; replaces the stamps of the source
+    rate_hz: float | None = None  # true frame rate; replaces the stamps. Of a camera: asked of it
     from_s: float | None = None  # first time stamp wanted, on the time of the source
     to_s: float | None = None  # last time stamp wanted; reading ends at the first later one
     stamps: Path | None = None  # file of stamps of a folder of pictures
