@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 
 from vision.free_lines import find_lines
@@ -18,7 +19,7 @@ from vision.templates import CableLook, make_templates
 from vision.tracker import Fit, Tracker
 
 MIN_SHARE = 0.25  # of the pictures with a line that moved
-MIN_PICTURES = 3
+MIN_PICTURES = 5  # fewer cannot tell what moves
 ASSUMED_PIVOT_SHARE = 0.1  # height above the picture at which a line is taken to begin
 MASK_BLURS = 4.0  # beside the cable, left out of the median
 MASK_PX = 3.0
@@ -26,6 +27,9 @@ MIN_UNMASKED = 4  # pictures; fewer: the level is taken from the sides
 MIN_MOVED_PX = 0.05  # at the lower end of the lines; less is no motion
 MOVED_SIGMAS = 4.0
 LOOK_PICTURES = 12
+MAX_QUIET_LEVELS = 1.0  # noise of a median picture that does not look like structure
+SMOOTHED_SIGMAS = 3.0  # steps up to this are noise
+SMOOTH_PX = 2.0
 
 
 class PictureLine(NamedTuple):
@@ -61,7 +65,7 @@ def cable_lines(pictures: Sequence[Grey], width_px: float | None = None) -> Cabl
         look = _measured_look(pictures, found) or look
     median = median_without(pictures, found, look)
     reach_px = make_templates(look).half_px
-    scene = StaticScene(median, reach_px)
+    scene = static_scene(median, reach_px)
     lines = [
         _measured_line(picture, line, look, scene)
         for picture, line in zip(pictures, found, strict=True)
@@ -71,6 +75,15 @@ def cable_lines(pictures: Sequence[Grey], width_px: float | None = None) -> Cabl
         look = _measured_look(pictures, better) or look
     is_moving = _is_moving([item for item in lines if item is not None], pictures[0].shape[0])
     return CableLines(tuple(lines), median, look, is_moving, make_templates(look).half_px)
+
+
+def static_scene(median: Grey, reach_px: int) -> StaticScene:
+    """Make the static scene of a median picture; noise is smoothed, edges are kept."""
+    noise = grey_levels(median).noise
+    if noise > MAX_QUIET_LEVELS:
+        smooth = cv2.bilateralFilter(median, 0, SMOOTHED_SIGMAS * noise, SMOOTH_PX)
+        median = np.asarray(smooth, np.uint8)
+    return StaticScene(median, reach_px)
 
 
 def _moved_lines(pictures: Sequence[Grey], median: Grey) -> list[ImageLine | None]:

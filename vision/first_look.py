@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vision.cable_lines import CableLines, PictureLine, cable_lines, swing_of
+from vision.cable_lines import MIN_PICTURES, CableLines, PictureLine, cable_lines, static_scene, swing_of
 from vision.free_lines import FreeLine, find_lines
 from vision.line_fit import Grey, ImageLine
 from vision.pivot_fit import Pivot, meeting_point
@@ -147,7 +147,9 @@ def _described(
     still = found.median
     statics = find_lines(still, grey_levels(still).noise, MAX_STATIC_LINES)
     subject = Subject.NOTHING
-    scene: StaticScene | None = StaticScene(still, found.reach_px)
+    scene: StaticScene | None = static_scene(still, found.reach_px)
+    if len(seen) < MIN_PICTURES:
+        scene = None
     if found.is_moving:
         subject = Subject.CABLE
     elif statics:

@@ -33,7 +33,9 @@ class CableTracker(Protocol):
     """Tracker of the cable in the pictures of one sequence, all of one size.
 
     Constructed with (width, height) [px]. A class with the attribute `colour = True` is given the
-    colour picture instead of the red plane.
+    colour picture instead of the red plane. A class with a method `prepare(pictures, pivots_px)`
+    is given some 30 pictures spread over the sequence, with the pivot in each, before the first
+    picture is measured; the pictures are as in measure().
     """
 
     def measure(self, image: Grey, pivot_px: tuple[float, float], /) -> MeasuredAngle:

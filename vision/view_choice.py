@@ -38,29 +38,35 @@ def choose_view(
     planes: Sequence[str] = PLANES if plane is None else (plane,)
     if plane is None and is_grey(pictures[0]):
         planes = ("grey",)
+    chosen = [pictures[index] for index in _spread(len(pictures), MEDIAN_PICTURES)]
     best: _Candidate | None = None
     for name in planes:
+        seen = [View(name, region=region).picture(picture) for picture in chosen]
+        median = median_picture(seen)
+        tried = [seen[index] for index in _spread(len(seen), TRIED_PICTURES)]
         for bright in (False, True) if is_bright is None else (is_bright,):
             for turn in (0, 1) if turns is None else (turns,):
-                view = View(name, bright, turn, region)
-                merit = _merit(pictures, view)
+                turned = View("grey", bright, turn)
+                merit = _merit([turned.picture(p) for p in tried], turned.picture(median))
                 if best is None or merit > best.merit:
-                    best = _Candidate(view, merit)
+                    best = _Candidate(View(name, bright, turn, region), merit)
     assert best is not None
     return best.view
 
 
-def _merit(pictures: Sequence[Grey], view: View) -> float:
-    chosen = np.unique(np.linspace(0, len(pictures) - 1, MEDIAN_PICTURES).round().astype(int))
-    seen = [view.picture(pictures[index]) for index in chosen]
-    median = median_picture(seen)
+def _spread(count: int, most: int) -> list[int]:
+    """Choose at most `most` of count indices at equal distances."""
+    return sorted(set(np.linspace(0, count - 1, most).round().astype(int).tolist()))
+
+
+def _merit(pictures: Sequence[Grey], median: Grey) -> float:
+    """Rate the clearest line of a view, cable dark: support times strength over noise."""
     scene = StaticScene(median, 1)
     moved = []
-    for index in np.unique(np.linspace(0, len(seen) - 1, TRIED_PICTURES).round().astype(int)):
-        picture = seen[index]
+    for picture in pictures:
         noise = grey_levels(picture).noise
         found = find_lines(scene.without(picture), noise, 1, picture)
         moved.append(found[0].support * found[0].strength / noise if found else 0.0)
     still = find_lines(median, grey_levels(median).noise)
     merit = STATIC_WEIGHT * still[0].support * still[0].strength if still else 0.0
-    return float(np.mean(moved)) + merit / grey_levels(seen[0]).noise
+    return float(np.mean(moved)) + merit / grey_levels(pictures[0]).noise

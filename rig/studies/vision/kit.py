@@ -30,12 +30,13 @@ from rig.studies.vision.tracker_class import Place, load_tracker
 from vision.line_fit import Grey
 from vision.protocol import CableAngle, TrackerClass
 from vision.sources import red_plane
-from vision.tracker import Tracker
+from vision.video_tracker import VideoTracker
 
 __all__ = ["OURS", "PEERS", "PEER_STEP", "SceneResult", "load_tracker", "run", "shipped_scenes"]
 
 PEER_STEP = 10  # the peers measure one frame in ten: they are some 15 times slower
-OURS: dict[str, TrackerClass] = {"ours": Tracker}
+PREPARED_PICTURES = 30  # given to a tracker with a method prepare, before the first frame
+OURS: dict[str, TrackerClass] = {"ours": VideoTracker}
 
 
 class SceneResult(Struct, frozen=True, kw_only=True):
@@ -65,7 +66,8 @@ def run(
 
     scenes: names of shipped scenes, or paths of scene files. trackers: class by name; a new
     instance for each scene. frames: of each scene, at most its own number, which is the default. A
-    tracker in PEERS measures one frame in PEER_STEP. progress is given the number of frames done.
+    tracker in PEERS measures one frame in PEER_STEP. A tracker with a method prepare is first given
+    PREPARED_PICTURES of the frames, spread over them. progress is given the number of frames done.
     Raises ConfigError for an unknown scene, and for a tracker that fails or gives no angle.
     """
     if frames is not None and frames < 1:
@@ -74,7 +76,9 @@ def run(
     done = 0
     for scene in [read_scene(name) for name in scenes]:
         parts = [_TrackerRun(scene, name, kind) for name, kind in trackers.items()]
-        for frame in scene_frames(scene, frame_count(scene, frames)):
+        count = frame_count(scene, frames)
+        _prepare(parts, scene, count)
+        for frame in scene_frames(scene, count):
             for part in parts:
                 part.measure(frame)
             done += 1
@@ -90,6 +94,17 @@ def frame_count(scene: Scene, frames: int | None) -> int:
     return own if frames is None else min(frames, own)
 
 
+def _prepare(parts: Sequence[_TrackerRun], scene: Scene, frames: int) -> None:
+    """Show spread frames to the trackers that want them; the scene is rendered once more for it."""
+    wanting = [part for part in parts if part.is_preparing]
+    if not wanting:
+        return
+    chosen = set(np.linspace(0, frames - 1, PREPARED_PICTURES).round().astype(int).tolist())
+    spread = [frame for frame in scene_frames(scene, frames) if frame.number in chosen]
+    for part in wanting:
+        part.prepare(spread)
+
+
 class _TrackerRun:
     """One tracker on one scene."""
 
@@ -102,6 +117,17 @@ class _TrackerRun:
         self._tracker = tracker_class.construct(start, kind, picture_size(scene))
         self._rows: list[tuple[float, float, float, float]] = []
         self._seconds = 0.0
+
+    @property
+    def is_preparing(self) -> bool:
+        """True if the tracker has a method prepare."""
+        return callable(getattr(self._tracker, "prepare", None))
+
+    def prepare(self, frames: Sequence[SceneFrame]) -> None:
+        """Give copies of the pictures to the tracker; not timed."""
+        pictures = [_own_picture(frame, self._is_colour) for frame in frames]
+        place = Place(self._name, self._scene.name, 0)
+        tracker_class.prepare(place, self._tracker, pictures, [f.pivot_px for f in frames])
 
     def measure(self, frame: SceneFrame) -> None:
         """Measure a frame; only the call of the tracker is timed."""

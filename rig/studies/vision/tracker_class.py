@@ -8,6 +8,7 @@ from __future__ import annotations
 import inspect
 import math
 import sys
+from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple, cast
@@ -98,6 +99,19 @@ def construct(place: Place, tracker_class: TrackerClass, size: tuple[int, int]) 
     except ValueError:  # a compiled method without a signature
         pass
     return tracker
+
+
+def prepare(
+    place: Place, tracker: Any, pictures: Sequence[Any], pivots_px: Sequence[tuple[float, float]]
+) -> None:
+    """Call the method prepare of a tracker; raises ConfigError for an exception in it."""
+    try:
+        tracker.prepare(pictures, pivots_px)
+    except Exception as error:  # noqa: BLE001
+        raise ConfigError(
+            f"tracker {place.tracker}, scene {place.scene}: prepare raised {_worded(error)}; must "
+            "take pictures and the pivot in each: correct it"
+        ) from None
 
 
 def measured(
