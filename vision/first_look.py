@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vision.bob_look import BobLook, look_for_bob
 from vision.cable_lines import MIN_PICTURES, CableLines, PictureLine, cable_lines, static_scene, swing_of
 from vision.free_lines import FreeLine, find_lines
 from vision.line_fit import Grey, ImageLine
@@ -68,6 +69,7 @@ class Look:
     scene: StaticScene | None = None  # None: the cable cannot be told from what never moves
     cable: CableLook | None = None
     pivot: Pivot | None = None
+    bob: BobLook | None = None
     lines: tuple[PictureLine | None, ...] = ()  # one for each picture
     static_lines: tuple[FreeLine, ...] = ()
     swing_rad: tuple[float, float] | None = None  # smallest and largest angle
@@ -77,7 +79,7 @@ class Look:
     def is_pivot_known(self) -> bool:
         """True if the lines meet in one point, well enough to replace a pivot that was told."""
         pivot = self.pivot
-        if pivot is None or self.subject is not Subject.CABLE:
+        if pivot is None or self.subject not in (Subject.CABLE, Subject.BOB):
             return False
         is_sharp = pivot.scatter_px <= MAX_PIVOT_SCATTER_PX
         return is_sharp and pivot.sigma_px[1] <= MAX_PIVOT_SIGMA_PX
@@ -103,6 +105,17 @@ def look(
     shifts_px = _shifts_px(view, size, pivots_px, len(seen))
     found = cable_lines(seen, chosen.width_px)
     pivot = _pivot(found, shifts_px)
+    if not found.is_moving:
+        bob = look_for_bob(
+            pictures,
+            [(shift_px, 0.0) for shift_px in shifts_px],
+            chosen.plane,
+            chosen.is_bright,
+            chosen.turns,
+            chosen.region,
+        )
+        if bob is not None:
+            return _described_bob(bob, size)
     if chosen.turns is None and _is_upside_down(found, pivot, seen[0].shape[0]):
         turned = replace(chosen, turns=(view.turns + 2) % 4, plane=view.plane)
         return look(pictures, pivots_px, replace(turned, is_bright=view.is_bright))
@@ -168,4 +181,28 @@ def _described(
         lines=found.lines,
         static_lines=tuple(statics),
         swing_rad=swing,
+    )
+
+
+def _described_bob(bob: BobLook, size: tuple[int, int]) -> Look:
+    circle = bob.circle
+    lines = [blob for blob in bob.blobs if blob is not None]
+    x, y = circle.centre_px
+    angles = [math.atan2(blob.u - x, blob.v - y) for blob in lines]
+    pivot = Pivot(
+        circle.centre_px,
+        circle.sigma_centre_px,
+        circle.scatter_px,
+        circle.points,
+        len(lines) - circle.points,
+        0.0,
+    )
+    return Look(
+        view=bob.view,
+        subject=Subject.BOB,
+        size=size,
+        median=bob.ground,
+        bob=bob,
+        pivot=pivot,
+        swing_rad=(min(angles), max(angles)),
     )

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from vision.bob import BobTracker
 from vision.first_look import Look, LookChoices, Subject, look
 from vision.line_fit import Grey
 from vision.tracker import Fit, TrackFailure, Tracker
@@ -25,7 +26,7 @@ class VideoTracker:
         self._size = (width, height)
         self._choices = choices or LookChoices()
         self.look: Look | None = None
-        self._tracker = Tracker(width, height)
+        self._tracker: Tracker | BobTracker = Tracker(width, height)
         self._shift_px = (0.0, 0.0)  # from a told pivot to the true one
         self._last: Grey | None = None
         self._repeated = 0  # times that the last picture came again
@@ -35,7 +36,10 @@ class VideoTracker:
         found = look(pictures, pivots_px, self._choices)
         self.look = found
         width, height = found.view.size(*self._size)
-        self._tracker = Tracker(width, height, found.cable, found.scene)
+        if found.bob is not None:
+            self._tracker = BobTracker(found.bob)
+        else:
+            self._tracker = Tracker(width, height, found.cable, found.scene)
         if pivots_px and found.is_pivot_known and found.pivot is not None:
             told = found.view.to_view(pivots_px[0], self._size)
             true = found.pivot.at_px

@@ -13,7 +13,7 @@ import zlib
 from collections.abc import Callable, Iterator, Sequence
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from msgspec import Meta
@@ -55,6 +55,8 @@ class SceneSection(Section, frozen=True, kw_only=True):
     about: str
     # angle: measure it where the cable is seen; refuse: give no angle at all
     expect: Expect = "angle"
+    # picture: line of the visible cable; cable: from the pivot to the load, seen or not
+    truth: Literal["picture", "cable"] = "picture"
     frames: Annotated[int, Meta(ge=1, le=100_000)] = 300
     stamps: Stamps = "cfr"  # of the video
     camera: Annotated[int, Meta(ge=1, le=3)] = 1
@@ -169,7 +171,7 @@ def scene_frames(scene: Scene, frames: int) -> Iterator[SceneFrame]:
             frame.t_s,
             frame.pixels,
             (x + error_x, y + error_y),
-            frame.truth.angle_rad,
+            frame.truth.angle_rad if section.truth == "picture" else frame.angle_rad,
             frame.truth.bound_rad,
             frame.angle_rad,
         )
