@@ -158,6 +158,8 @@ class Tracker:
         if predicted is not None:
             fit = self._follow(image, levels, predicted, pivot_px)
         if fit is None or not fit.valid:
+            # after a missed prediction the velocity is not known either
+            self._angles_rad = self._angles_rad[:1]
             fit = self._search(image, levels, pivot_px)
         self._store(fit)
         return fit
