@@ -27,6 +27,7 @@ from vision.templates import CableLook
 
 SEARCH_SCALES = (1, 2, 4, 8)  # a cable of some 2, 5, 10 and 20 px is 3 px wide at these
 NEWTON_STEPS = 3  # of all rows
+COLD_NEWTON_STEPS = 6  # from a line that was searched
 CONVERGED_PX = 0.15  # a last step shorter than this leaves an error below 0.001 px
 MIN_DIRECT_SHARE = 0.9  # of the rows below the pivot; they must agree while following
 MAX_PIVOT_MISS_PX = 5.0  # a line farther from the predicted pivot is not the cable
@@ -210,7 +211,7 @@ class Tracker:
         first_row = max(0, math.floor(pivot_px[1]) + CLEAR_ROWS + 1)
         rows = self.height - first_row
         measured = None
-        for _ in range(NEWTON_STEPS):
+        for _ in range(NEWTON_STEPS if min_share else COLD_NEWTON_STEPS):
             measured = self._fitter.measure(image, levels.noise, axis, first_row)
             if measured is None or measured.rows < min_share * min(rows, measured.visible_rows):
                 return None
