@@ -7,23 +7,24 @@ result is a line with free intercept; the predicted pivot only selects which lin
 
 from __future__ import annotations
 
-import enum
 import math
 import operator
-from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
-from vision.axis import Axis, AxisFitter, MeasuredAxis
+from vision.axis import Axis, MeasuredAxis
+from vision.axis_fitter import AxisFitter
 from vision.errors import VisionError
 from vision.finder import Finder, Found
+from vision.fit import Fit, LowerLink, TrackFailure
 from vision.line_fit import MIN_ROWS, Grey, ImageLine
 from vision.profile_look import measure_look
 from vision.ridge import CLEAR_ROWS, Levels, grey_levels
 from vision.rivals import RivalWatch
 from vision.static_scene import StaticScene
 from vision.templates import CableLook
+
+__all__ = ["Fit", "LowerLink", "TrackFailure", "Tracker"]
 
 SEARCH_SCALES = (1, 2, 4, 8)  # a cable of some 2, 5, 10 and 20 px is 3 px wide at these
 NEWTON_STEPS = 3  # of all rows
@@ -45,56 +46,6 @@ CLEAR_FACTOR = 3.0  # chance does not correlate the rows of one frame so much
 FACTOR_WEIGHT = 0.1  # of the newest frame in the mean correlation of the rows
 # weights of the last angles in the predicted one, newest first, by the number of angles
 EXTRAPOLATION_WEIGHTS = ((), (1.0,), (2.0, -1.0), (3.0, -3.0, 1.0))
-
-
-class TrackFailure(enum.Enum):
-    """Reason why an image gives no angle; the values are those of InvalidReason."""
-
-    NONE = "none"
-    NO_CABLE = "no_cable"
-    FEW_ROWS = "few_rows"
-    PIVOT_MISSED = "pivot_missed"
-    AMBIGUOUS = "ambiguous"
-    POOR_FIT = "poor_fit"
-    BAD_IMAGE = "bad_image"
-    STATIC = "static"  # it never moves, and so is not the cable
-    DUPLICATE = "duplicate"  # the picture before once more
-    FROZEN = "frozen"  # the same picture for a while
-    DAMAGED = "damaged"
-
-
-class LowerLink(NamedTuple):
-    """Second link, below the joint that is in the picture."""
-
-    angle_rad: float
-    sigma_rad: float
-    joint_px: tuple[float, float]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Fit:
-    """Result of one image. The angle is absent unless valid; a rejected line keeps its facts."""
-
-    angle_rad: float | None = None  # atan(du/dv): positive = lower end to the right
-    # one standard deviation, from the scatter of the rows and their correlation
-    sigma_rad: float | None = None
-    reason: TrackFailure = TrackFailure.NONE
-    rows: int = 0  # number of rows in the fit
-    residual_px: float | None = None  # rms distance of those rows from the axis
-    pivot_miss_px: float | None = None  # line minus predicted pivot, along x, at the pivot's row
-    background: float = 0.0  # median grey level, 0..255
-    saturation: float = 0.0  # share of pixels at 255
-    line_px: tuple[float, float] | None = None  # column at row 0, columns per row
-    first_row: int = 0  # of the rows in the fit
-    last_row: int = 0
-    bend_px: float = 0.0  # distance of the middle of the axis from the chord, positive to the right
-    sigma_bend_px: float = 0.0
-    lower: LowerLink | None = None
-
-    @property
-    def valid(self) -> bool:
-        """True if there is an angle."""
-        return self.reason is TrackFailure.NONE
 
 
 class Tracker:
@@ -248,14 +199,14 @@ class Tracker:
             self._learn_look(image, Axis(found.line), pivot_px, guess)
         measured = self._refine(image, levels, Axis(found.line), pivot_px, 0.0)
         fit = self._checked(measured, levels, pivot_px)
-        if not fit.valid or not _is_whole(measured):
+        if not fit.valid or measured is None or not measured.is_whole(MIN_DIRECT_SHARE):
             points = self._finders[scale].points(image, found.line, pivot_px, levels)
             for axis in () if points is None else self._fitter.shapes(points):
                 other = self._refine(image, levels, axis, pivot_px, 0.0)
                 again = self._checked(other, levels, pivot_px)
                 if again.valid and (not fit.valid or again.rows > fit.rows):
                     measured, fit = other, again
-                if fit.valid and _is_whole(measured):
+                if fit.valid and measured is not None and measured.is_whole(MIN_DIRECT_SHARE):
                     break
         if not fit.valid or measured is None:
             return fit
@@ -346,11 +297,6 @@ class Tracker:
             sigma_bend_px=measured.sigma_bend_px,
             lower=_lower_link(measured) if valid else None,
         )
-
-
-def _is_whole(measured: MeasuredAxis | None) -> bool:
-    """Tell if nearly all rows agree."""
-    return measured is not None and measured.rows >= MIN_DIRECT_SHARE * measured.visible_rows
 
 
 def _lower_link(measured: MeasuredAxis) -> LowerLink | None:

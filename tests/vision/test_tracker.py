@@ -162,7 +162,8 @@ def counted(monkeypatch: pytest.MonkeyPatch, name: str, function: Callable[..., 
 def test_one_newton_step_a_picture_is_enough(
     camera: Camera, monkeypatch: pytest.MonkeyPatch, following: bool
 ) -> None:
-    tracker, steps = Tracker(WIDTH, HEIGHT), counted(monkeypatch, "axis.row_offsets", row_offsets)
+    tracker = Tracker(WIDTH, HEIGHT)
+    steps = counted(monkeypatch, "axis_fitter.row_offsets", row_offsets)
     searches, strips = (
         counted(monkeypatch, "finder.search", search),
         counted(monkeypatch, "finder.coarse_line", coarse_line),
