@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import operator
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -199,15 +200,20 @@ class Tracker:
             self._learn_look(image, Axis(found.line), pivot_px, guess)
         measured = self._refine(image, levels, Axis(found.line), pivot_px, 0.0)
         fit = self._checked(measured, levels, pivot_px)
-        if not fit.valid or measured is None or not measured.is_whole(MIN_DIRECT_SHARE):
-            points = self._finders[scale].points(image, found.line, pivot_px, levels)
-            for axis in () if points is None else self._fitter.shapes(points):
-                other = self._refine(image, levels, axis, pivot_px, 0.0)
-                again = self._checked(other, levels, pivot_px)
-                if again.valid and (not fit.valid or again.rows > fit.rows):
-                    measured, fit = other, again
-                if fit.valid and measured is not None and measured.is_whole(MIN_DIRECT_SHARE):
-                    break
+        others = (
+            iter(())
+            if _is_whole(measured, fit)
+            else self._other_axes(image, levels, found, pivot_px, scale)
+        )
+        for axis in others:
+            if not self._is_look_known:
+                self._learn_look(image, axis, pivot_px, CableLook(2.5 * scale, 0.5 + 0.5 * scale))
+            other = self._refine(image, levels, axis, pivot_px, 0.0)
+            again = self._checked(other, levels, pivot_px)
+            if again.valid and (not fit.valid or again.rows > fit.rows):
+                measured, fit = other, again
+            if _is_whole(measured, fit):
+                break
         if not fit.valid or measured is None:
             return fit
         if not self._is_look_known:
@@ -218,6 +224,20 @@ class Tracker:
         if found.ambiguous or is_rivalled:
             return _failed(TrackFailure.AMBIGUOUS, levels)
         return fit
+
+    def _other_axes(
+        self, image: Grey, levels: Levels, found: Found, pivot_px: tuple[float, float], scale: int
+    ) -> Iterator[Axis]:
+        """Generate axes to try where the line found is not the whole cable.
+
+        Those through points near it, then the parallel through the pivot: a shadow may be darker
+        than the cable.
+        """
+        points = self._finders[scale].points(image, found.line, pivot_px, levels)
+        if points is not None:
+            yield from self._fitter.shapes(points)
+        slope = found.line.slope
+        yield Axis(ImageLine(pivot_px[0] - slope * pivot_px[1], slope))
 
     def _learn_look(
         self, image: Grey, axis: Axis, pivot_px: tuple[float, float], guess: CableLook
@@ -297,6 +317,11 @@ class Tracker:
             sigma_bend_px=measured.sigma_bend_px,
             lower=_lower_link(measured) if valid else None,
         )
+
+
+def _is_whole(measured: MeasuredAxis | None, fit: Fit) -> bool:
+    """Tell if nearly all rows agree on a valid axis."""
+    return fit.valid and measured is not None and measured.is_whole(MIN_DIRECT_SHARE)
 
 
 def _lower_link(measured: MeasuredAxis) -> LowerLink | None:
