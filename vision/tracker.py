@@ -7,17 +7,17 @@ result is a line with free intercept; the predicted pivot only selects which lin
 
 from __future__ import annotations
 
-import enum
 import math
 import operator
-from dataclasses import dataclass
-from typing import NamedTuple
+from collections.abc import Iterator
 
 import numpy as np
 
-from vision.axis import Axis, AxisFitter, MeasuredAxis
+from vision.axis import Axis, MeasuredAxis
+from vision.axis_fitter import AxisFitter
 from vision.errors import VisionError
 from vision.finder import Finder, Found
+from vision.fit import Fit, LowerLink, TrackFailure
 from vision.line_fit import MIN_ROWS, Grey, ImageLine
 from vision.profile_look import measure_look
 from vision.ridge import CLEAR_ROWS, Levels, grey_levels
@@ -25,8 +25,11 @@ from vision.rivals import RivalWatch
 from vision.static_scene import StaticScene
 from vision.templates import CableLook
 
+__all__ = ["Fit", "LowerLink", "TrackFailure", "Tracker"]
+
 SEARCH_SCALES = (1, 2, 4, 8)  # a cable of some 2, 5, 10 and 20 px is 3 px wide at these
 NEWTON_STEPS = 3  # of all rows
+COLD_NEWTON_STEPS = 6  # from a line that was searched
 CONVERGED_PX = 0.15  # a last step shorter than this leaves an error below 0.001 px
 MIN_DIRECT_SHARE = 0.9  # of the rows below the pivot; they must agree while following
 MAX_PIVOT_MISS_PX = 5.0  # a line farther from the predicted pivot is not the cable
@@ -44,56 +47,6 @@ CLEAR_FACTOR = 3.0  # chance does not correlate the rows of one frame so much
 FACTOR_WEIGHT = 0.1  # of the newest frame in the mean correlation of the rows
 # weights of the last angles in the predicted one, newest first, by the number of angles
 EXTRAPOLATION_WEIGHTS = ((), (1.0,), (2.0, -1.0), (3.0, -3.0, 1.0))
-
-
-class TrackFailure(enum.Enum):
-    """Reason why an image gives no angle; the values are those of InvalidReason."""
-
-    NONE = "none"
-    NO_CABLE = "no_cable"
-    FEW_ROWS = "few_rows"
-    PIVOT_MISSED = "pivot_missed"
-    AMBIGUOUS = "ambiguous"
-    POOR_FIT = "poor_fit"
-    BAD_IMAGE = "bad_image"
-    STATIC = "static"  # it never moves, and so is not the cable
-    DUPLICATE = "duplicate"  # the picture before once more
-    FROZEN = "frozen"  # the same picture for a while
-    DAMAGED = "damaged"
-
-
-class LowerLink(NamedTuple):
-    """Second link, below the joint that is in the picture."""
-
-    angle_rad: float
-    sigma_rad: float
-    joint_px: tuple[float, float]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Fit:
-    """Result of one image. The angle is absent unless valid; a rejected line keeps its facts."""
-
-    angle_rad: float | None = None  # atan(du/dv): positive = lower end to the right
-    # one standard deviation, from the scatter of the rows and their correlation
-    sigma_rad: float | None = None
-    reason: TrackFailure = TrackFailure.NONE
-    rows: int = 0  # number of rows in the fit
-    residual_px: float | None = None  # rms distance of those rows from the axis
-    pivot_miss_px: float | None = None  # line minus predicted pivot, along x, at the pivot's row
-    background: float = 0.0  # median grey level, 0..255
-    saturation: float = 0.0  # share of pixels at 255
-    line_px: tuple[float, float] | None = None  # column at row 0, columns per row
-    first_row: int = 0  # of the rows in the fit
-    last_row: int = 0
-    bend_px: float = 0.0  # distance of the middle of the axis from the chord, positive to the right
-    sigma_bend_px: float = 0.0
-    lower: LowerLink | None = None
-
-    @property
-    def valid(self) -> bool:
-        """True if there is an angle."""
-        return self.reason is TrackFailure.NONE
 
 
 class Tracker:
@@ -158,6 +111,8 @@ class Tracker:
         if predicted is not None:
             fit = self._follow(image, levels, predicted, pivot_px)
         if fit is None or not fit.valid:
+            # after a missed prediction the velocity is not known either
+            self._angles_rad = self._angles_rad[:1]
             fit = self._search(image, levels, pivot_px)
         self._store(fit)
         return fit
@@ -208,7 +163,7 @@ class Tracker:
         first_row = max(0, math.floor(pivot_px[1]) + CLEAR_ROWS + 1)
         rows = self.height - first_row
         measured = None
-        for _ in range(NEWTON_STEPS):
+        for _ in range(NEWTON_STEPS if min_share else COLD_NEWTON_STEPS):
             measured = self._fitter.measure(image, levels.noise, axis, first_row)
             if measured is None or measured.rows < min_share * min(rows, measured.visible_rows):
                 return None
@@ -245,15 +200,20 @@ class Tracker:
             self._learn_look(image, Axis(found.line), pivot_px, guess)
         measured = self._refine(image, levels, Axis(found.line), pivot_px, 0.0)
         fit = self._checked(measured, levels, pivot_px)
-        if not fit.valid or not _is_whole(measured):
-            points = self._finders[scale].points(image, found.line, pivot_px, levels)
-            for axis in () if points is None else self._fitter.shapes(points):
-                other = self._refine(image, levels, axis, pivot_px, 0.0)
-                again = self._checked(other, levels, pivot_px)
-                if again.valid and (not fit.valid or again.rows > fit.rows):
-                    measured, fit = other, again
-                if fit.valid and _is_whole(measured):
-                    break
+        others = (
+            iter(())
+            if _is_whole(measured, fit)
+            else self._other_axes(image, levels, found, pivot_px, scale)
+        )
+        for axis in others:
+            if not self._is_look_known:
+                self._learn_look(image, axis, pivot_px, CableLook(2.5 * scale, 0.5 + 0.5 * scale))
+            other = self._refine(image, levels, axis, pivot_px, 0.0)
+            again = self._checked(other, levels, pivot_px)
+            if again.valid and (not fit.valid or again.rows > fit.rows):
+                measured, fit = other, again
+            if _is_whole(measured, fit):
+                break
         if not fit.valid or measured is None:
             return fit
         if not self._is_look_known:
@@ -264,6 +224,20 @@ class Tracker:
         if found.ambiguous or is_rivalled:
             return _failed(TrackFailure.AMBIGUOUS, levels)
         return fit
+
+    def _other_axes(
+        self, image: Grey, levels: Levels, found: Found, pivot_px: tuple[float, float], scale: int
+    ) -> Iterator[Axis]:
+        """Generate axes to try where the line found is not the whole cable.
+
+        Those through points near it, then the parallel through the pivot: a shadow may be darker
+        than the cable.
+        """
+        points = self._finders[scale].points(image, found.line, pivot_px, levels)
+        if points is not None:
+            yield from self._fitter.shapes(points)
+        slope = found.line.slope
+        yield Axis(ImageLine(pivot_px[0] - slope * pivot_px[1], slope))
 
     def _learn_look(
         self, image: Grey, axis: Axis, pivot_px: tuple[float, float], guess: CableLook
@@ -345,9 +319,9 @@ class Tracker:
         )
 
 
-def _is_whole(measured: MeasuredAxis | None) -> bool:
-    """Tell if nearly all rows agree."""
-    return measured is not None and measured.rows >= MIN_DIRECT_SHARE * measured.visible_rows
+def _is_whole(measured: MeasuredAxis | None, fit: Fit) -> bool:
+    """Tell if nearly all rows agree on a valid axis."""
+    return fit.valid and measured is not None and measured.is_whole(MIN_DIRECT_SHARE)
 
 
 def _lower_link(measured: MeasuredAxis) -> LowerLink | None:
