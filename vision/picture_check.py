@@ -27,8 +27,8 @@ MOVED, STILL_SHARE = 20, 0.1  # changed samples of a motion; of that, at rest
 SAME_SHARE = 0.25  # a difference of so little of the noise is a repetition
 CHANGE = 5.0  # median differences by which a sample has changed
 CHANGE_OFFSET, MAX_CHANGE = 6.0, 40.0  # grey levels
-MEDIAN_ROWS, MEDIAN_STEP = 60, 4  # rows and step of columns of which the light is taken
-LIGHT_STEP = 2.0  # grey levels
+MEDIAN_ROWS, MEDIAN_STEP = 40, 4  # rows and step of columns of which the light is taken
+LIGHT_STEP = 2  # grey levels
 CHANGED_ROW = 0.5  # of its samples
 CUT_ROWS = 0.3  # of all rows
 CUT_CORRELATION = 0.5  # less: another scene; more: another light
@@ -239,12 +239,18 @@ def _at_light_of(sample: Image, other: Image) -> Image:
 
     The median stands for the screen, whatever moves before it or is damaged.
     """
-    step = max(1, len(sample) // MEDIAN_ROWS)
-    level = float(np.median(sample[::step, ::MEDIAN_STEP]))
-    other_level = float(np.median(other[::step, ::MEDIAN_STEP]))
-    if abs(level - other_level) < LIGHT_STEP or other_level == 0.0:
+    level, other_level = _median_level(sample), _median_level(other)
+    if abs(level - other_level) < LIGHT_STEP or other_level == 0:
         return other
     return np.asarray(cv2.convertScaleAbs(other, alpha=level / other_level), np.uint8)
+
+
+def _median_level(sample: Image) -> int:
+    step = max(1, len(sample) // MEDIAN_ROWS)
+    levels = sample[::step, ::MEDIAN_STEP].ravel()
+    middle = levels.size // 2
+    levels.partition(middle)
+    return int(levels[middle])
 
 
 def _correlation(sample: Image, other: Image) -> float:

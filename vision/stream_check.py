@@ -152,8 +152,8 @@ class _StreamCheck:
 
     def _note_cut(self, frame: SourceFrame) -> None:
         text = (
-            f"the picture jumps at {frame.t_s:.3f} s: the recording was cut there; analyse the "
-            "parts by themselves, with --from and --to"
+            f"the picture jumps at {frame.t_s:.3f} s: the recording was cut there, or is damaged; "
+            "analyse the parts by themselves, with --from and --to"
         )
         self._findings.append(Finding(FindingKind.CUT, frame.number, frame.number, frame.t_s, text))
 
