@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from vision.blob import find_blob
 from vision.bob_look import BobLook
@@ -33,9 +34,13 @@ class BobTracker:
             return Fit(reason=TrackFailure.BAD_IMAGE)
         levels = grey_levels(image)
         blob = find_blob(ground, image, levels.noise)
-        about = {"background": levels.background, "saturation": levels.saturation}
+        empty = Fit(
+            reason=TrackFailure.NO_CABLE,
+            background=levels.background,
+            saturation=levels.saturation,
+        )
         if blob is None:
-            return Fit(reason=TrackFailure.NO_CABLE, **about)
+            return empty
         across, along = blob.u - pivot_px[0], blob.v - pivot_px[1]
         distance = math.hypot(across, along)
         angle_rad = math.atan2(across, along)
@@ -54,7 +59,8 @@ class BobTracker:
             blob.sigma_px[1] * math.sin(angle_rad),
             MIN_SIGMA_PX,
         )
-        return Fit(
+        return replace(
+            empty,
             angle_rad=angle_rad if valid else None,
             sigma_rad=sigma_px / distance if valid else None,
             reason=reason,
@@ -64,5 +70,4 @@ class BobTracker:
             line_px=(pivot_px[0] - slope * pivot_px[1], slope),
             first_row=round(blob.v - 0.5 * blob.rows),
             last_row=round(blob.v + 0.5 * blob.rows),
-            **about,
         )

@@ -209,8 +209,6 @@ def _turned(found: BobLook, turns: int, size: tuple[int, int]) -> BobLook:
     sigma = found.circle.sigma_centre_px
     if turns % 2:
         sigma = sigma[::-1]
-    circle = found.circle._replace(
-        centre_px=place(found.circle.centre_px), sigma_centre_px=sigma
-    )
+    circle = found.circle._replace(centre_px=place(found.circle.centre_px), sigma_centre_px=sigma)
     ground = np.ascontiguousarray(np.rot90(found.ground, turns))
     return BobLook(view, ground, circle, found.area_px, tuple(blobs))

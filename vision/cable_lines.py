@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from vision.free_lines import find_lines
-from vision.line_fit import FloatArray, Grey, ImageLine
+from vision.line_fit import Grey, ImageLine
 from vision.pivot_fit import MeasuredLine
 from vision.profile_look import measure_look
 from vision.ridge import grey_levels
@@ -96,11 +96,9 @@ def _moved_lines(pictures: Sequence[Grey], median: Grey) -> list[ImageLine | Non
     return lines
 
 
-def _measured_look(
-    pictures: Sequence[Grey], lines: Sequence[ImageLine | None]
-) -> CableLook | None:
+def _measured_look(pictures: Sequence[Grey], lines: Sequence[ImageLine | None]) -> CableLook | None:
     """Measure width and blur of the cable: medians over some pictures."""
-    looks = []
+    looks: list[CableLook] = []
     for picture, line in zip(pictures, lines, strict=True):
         if line is None:
             continue
@@ -165,7 +163,7 @@ def median_without(
     stack = np.stack([pictures[index] for index in used])
     covered = np.zeros(stack.shape[1:], np.uint8)  # by the cable, number of pictures
     for picture, index in zip(stack, used, strict=True):
-        rows, first, last = _band(lines[index], look, covered.shape)
+        rows, first, last = _band(lines[index], look, pictures[0].shape)
         for row, begin, end in zip(rows, first, last, strict=True):
             count = covered[row, begin:end]
             picture[row, begin:end] = (count & 1) * 255
@@ -173,7 +171,7 @@ def median_without(
     median = np.asarray(np.median(stack, axis=0), np.uint8)
     unknown = covered > len(used) - MIN_UNMASKED
     columns = np.arange(median.shape[1])
-    for row in np.flatnonzero(unknown.any(axis=1)):
+    for row in np.flatnonzero(unknown.any(axis=1)).tolist():
         known = ~unknown[row]
         if known.any():
             median[row, ~known] = np.interp(columns[~known], columns[known], median[row, known])
@@ -181,7 +179,7 @@ def median_without(
 
 
 def _band(
-    line: ImageLine | None, look: CableLook, shape: tuple[int, int]
+    line: ImageLine | None, look: CableLook, shape: tuple[int, ...]
 ) -> tuple[list[int], list[int], list[int]]:
     """Compute the rows that the cable covers, with first column and end of each."""
     height, width = shape

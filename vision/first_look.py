@@ -4,28 +4,41 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from vision.bob_look import BobLook, look_for_bob
-from vision.cable_lines import MIN_PICTURES, CableLines, PictureLine, cable_lines, static_scene, swing_of
+from vision.cable_lines import (
+    MIN_PICTURES,
+    CableLines,
+    PictureLine,
+    cable_lines,
+    static_scene,
+    swing_of,
+)
 from vision.free_lines import FreeLine, find_lines
-from vision.line_fit import Grey, ImageLine
+from vision.line_fit import Grey
+from vision.look_findings import (
+    LookFinding,
+    light_findings,
+    pivot_findings,
+    second_line_findings,
+    static_findings,
+    turn_findings,
+)
 from vision.pivot_fit import Pivot, meeting_point
 from vision.ridge import grey_levels
-from vision.static_scene import StaticScene, median_picture
+from vision.static_scene import StaticScene
 from vision.templates import CableLook
 from vision.view import Point, Region, View
 from vision.view_choice import choose_view
 
 MAX_PIVOT_SCATTER_PX = 2.0  # of lines that meet in one point
 MAX_PIVOT_SIGMA_PX = 20.0  # of the row of a pivot that is told
-MIN_MOVED_PX = 0.05  # at the lower end of the line; less is no motion
-MOVED_SIGMAS = 4.0
+ABOVE_SHARE = 0.1  # height above the picture of a pivot whose row is not known
 MAX_STATIC_LINES = 4
-STATIC_PIVOT_PX = 12.0  # a static line nearer to the pivot passes through it
 
 
 class Subject(enum.Enum):
@@ -48,14 +61,10 @@ class LookChoices:
     region: Region | None = None
     at_rest: bool = False  # a cable that never moves is measured
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LookFinding:
-    """Finding of the first look; parameter and value: what to try."""
-
-    text: str
-    parameter: str = ""
-    value: str = ""
+    @property
+    def is_free(self) -> bool:
+        """True if view and region are left open."""
+        return (self.plane, self.is_bright, self.turns, self.region) == (None,) * 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,6 +93,23 @@ class Look:
         is_sharp = pivot.scatter_px <= MAX_PIVOT_SCATTER_PX
         return is_sharp and pivot.sigma_px[1] <= MAX_PIVOT_SIGMA_PX
 
+    def gate_px(self) -> Point | None:
+        """Choose the place in the view that a line must pass, where no pivot is told.
+
+        The pivot; if its row is not known, the place of the lines above the picture.
+        """
+        height = self.median.shape[0]
+        row = -ABOVE_SHARE * height
+        if self.pivot is not None:
+            if self.pivot.sigma_px[1] <= MAX_PIVOT_SIGMA_PX:
+                return self.pivot.at_px
+            measured = [item.measured.line for item in self.lines if item is not None]
+            row = min(row, self.pivot.at_px[1])
+            return float(np.median([line.at(row) for line in measured])), row
+        if self.static_lines:
+            return self.static_lines[0].line.at(row), row
+        return None
+
     def pivot_in_picture(self) -> Point | None:
         """Convert the pivot to a place in the pictures [px]."""
         return None if self.pivot is None else self.view.to_picture(self.pivot.at_px, self.size)
@@ -99,6 +125,15 @@ def look(
     pivots_px: predicted pivot in each picture, if known; only its motion is used.
     """
     chosen = choices or LookChoices()
+    found = _look(pictures, pivots_px, chosen)
+    if found.subject in (Subject.NOTHING, Subject.STILL) and not chosen.is_free:
+        other = _look(pictures, pivots_px, LookChoices(at_rest=chosen.at_rest))
+        more = _choice_findings(chosen, other)
+        return replace(found, findings=(*more, *found.findings))
+    return found
+
+
+def _look(pictures: Sequence[Grey], pivots_px: Sequence[Point] | None, chosen: LookChoices) -> Look:
     size = (pictures[0].shape[1], pictures[0].shape[0])
     view = choose_view(pictures, chosen.plane, chosen.is_bright, chosen.turns, chosen.region)
     seen = [view.picture(picture) for picture in pictures]
@@ -118,8 +153,25 @@ def look(
             return _described_bob(bob, size)
     if chosen.turns is None and _is_upside_down(found, pivot, seen[0].shape[0]):
         turned = replace(chosen, turns=(view.turns + 2) % 4, plane=view.plane)
-        return look(pictures, pivots_px, replace(turned, is_bright=view.is_bright))
+        return _look(pictures, pivots_px, replace(turned, is_bright=view.is_bright))
     return _described(view, size, seen, found, pivot, chosen)
+
+
+def _choice_findings(chosen: LookChoices, other: Look) -> Iterator[LookFinding]:
+    """Report what is seen without the choices of the user."""
+    if other.subject not in (Subject.CABLE, Subject.BOB):
+        return
+    view = other.view
+    what = "cable" if other.subject is Subject.CABLE else "bob without a cable"
+    polarity = "bright" if view.is_bright else "dark"
+    about = f"with these choices nothing is found that swings, but a {polarity} {what} swings in "
+    about += f"the {view.plane} plane"
+    if chosen.is_bright is not None and chosen.is_bright is not view.is_bright:
+        yield LookFinding(about, "polarity", polarity)
+    elif chosen.plane is not None and chosen.plane != view.plane:
+        yield LookFinding(about, "plane", view.plane)
+    elif chosen.region is not None:
+        yield LookFinding(f"{about} of the whole picture", "roi", "X,Y,W,H around it")
 
 
 def _shifts_px(
@@ -161,16 +213,13 @@ def _described(
     statics = find_lines(still, grey_levels(still).noise, MAX_STATIC_LINES)
     subject = Subject.NOTHING
     scene: StaticScene | None = static_scene(still, found.reach_px)
-    if len(seen) < MIN_PICTURES:
-        scene = None
     if found.is_moving:
         subject = Subject.CABLE
     elif statics:
         subject = Subject.STILL
-    if subject is Subject.STILL and chosen.at_rest:
+    if len(seen) < MIN_PICTURES or (subject is Subject.STILL and chosen.at_rest):
         scene = None
-    swing = swing_of(found) if found.is_moving else None
-    return Look(
+    described = Look(
         view=view,
         subject=subject,
         size=size,
@@ -180,8 +229,26 @@ def _described(
         pivot=pivot,
         lines=found.lines,
         static_lines=tuple(statics),
-        swing_rad=swing,
+        swing_rad=swing_of(found) if found.is_moving else None,
     )
+    return replace(described, findings=tuple(_findings(described, seen, found, chosen)))
+
+
+def _findings(
+    described: Look, seen: Sequence[Grey], found: CableLines, chosen: LookChoices
+) -> Iterator[LookFinding]:
+    if chosen.turns is None:
+        yield from turn_findings(described.view.turns)
+    pivot, place = described.pivot, described.pivot_in_picture()
+    if pivot is not None and place is not None:
+        yield from pivot_findings(pivot, len(seen), place)
+        yield from static_findings(described.static_lines, pivot.at_px)
+    if described.subject is Subject.CABLE and described.scene is not None:
+        yield from second_line_findings(seen, found, described.scene)
+    elif described.subject is Subject.STILL and not chosen.at_rest:
+        yield from static_findings(described.static_lines, None)
+    elif described.subject is Subject.NOTHING:
+        yield from light_findings(seen)
 
 
 def _described_bob(bob: BobLook, size: tuple[int, int]) -> Look:
@@ -205,4 +272,8 @@ def _described_bob(bob: BobLook, size: tuple[int, int]) -> Look:
         bob=bob,
         pivot=pivot,
         swing_rad=(min(angles), max(angles)),
+        findings=(
+            *turn_findings(bob.view.turns),
+            LookFinding("no cable can be seen: the bob is tracked"),
+        ),
     )

@@ -44,7 +44,9 @@ class _Points(NamedTuple):
     rows: int  # looked at
 
 
-def find_lines(picture: Grey, noise: float, most: int = 1, own: Grey | None = None) -> list[FreeLine]:
+def find_lines(
+    picture: Grey, noise: float, most: int = 1, own: Grey | None = None
+) -> list[FreeLine]:
     """Find the dark lines with most rows, at most 45 degrees from the vertical.
 
     picture: (height, width), dark lines on bright. noise: of a pixel. own: picture in which the
@@ -100,7 +102,9 @@ def _dark_points(small: Grey, scale: int, noise: float, own: Grey | None) -> _Po
     if len(v) > MAX_POINTS:
         kept = np.argsort(-strength, kind="stable")[:MAX_POINTS]
         v, u, strength = v[kept], u[kept], strength[kept]
-    return _Points(u.astype(np.float64), v * float(step), strength, response.shape[0])
+    return _Points(
+        u.astype(np.float64), np.asarray(v * step, np.float64), strength, response.shape[0]
+    )
 
 
 def _response(rows: Grey) -> Grey:

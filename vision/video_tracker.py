@@ -10,21 +10,32 @@ import numpy as np
 from vision.bob import BobTracker
 from vision.first_look import Look, LookChoices, Subject, look
 from vision.line_fit import Grey
-from vision.tracker import Fit, TrackFailure, Tracker
-from vision.view import Point
+from vision.tracker import Fit, Tracker, TrackFailure
+from vision.view import Point, plane_of
+
+GATE_REASONS = (TrackFailure.NO_CABLE, TrackFailure.PIVOT_MISSED, TrackFailure.FEW_ROWS)
 
 
 class VideoTracker:
     """Cable tracker for `rig track`; see vision.protocol.
 
-    Without prepare() it measures like the tracker of the rig, in the red plane.
+    Without prepare() it measures like the tracker of the rig, in the red plane. A told pivot is
+    corrected by the first look unless keeps_pivot.
     """
 
     colour = True
 
-    def __init__(self, width: int, height: int, choices: LookChoices | None = None) -> None:
+    def __init__(
+        self,
+        width: int,
+        height: int,
+        choices: LookChoices | None = None,
+        *,
+        keeps_pivot: bool = False,
+    ) -> None:
         self._size = (width, height)
         self._choices = choices or LookChoices()
+        self._keeps_pivot = keeps_pivot
         self.look: Look | None = None
         self._tracker: Tracker | BobTracker = Tracker(width, height)
         self._shift_px = (0.0, 0.0)  # from a told pivot to the true one
@@ -43,31 +54,44 @@ class VideoTracker:
         if pivots_px and found.is_pivot_known and found.pivot is not None:
             told = found.view.to_view(pivots_px[0], self._size)
             true = found.pivot.at_px
-            self._shift_px = (true[0] - told[0], true[1] - told[1])
+            if not self._keeps_pivot:
+                self._shift_px = (true[0] - told[0], true[1] - told[1])
 
-    def measure(self, image: Grey, pivot_px: Point) -> Fit:
-        """Measure the angle of the cable in a colour picture (height, width, 3)."""
+    def measure(self, image: Grey, pivot_px: Point | None) -> Fit:
+        """Measure the angle in a picture (height, width, 3) or (height, width).
+
+        pivot_px: None: that of the first look. Lines and rows of the result are those of the view.
+        """
         fit = self._measured(image, pivot_px)
         repetition = self._repetition(image)
         if fit.valid and repetition is not None:
             return replace(fit, angle_rad=None, sigma_rad=None, reason=repetition, lower=None)
         return fit
 
-    def _measured(self, image: Grey, pivot_px: Point) -> Fit:
+    def gate_px(self, pivot_px: Point | None) -> Point | None:
+        """Compute the place in the view that the cable must pass; None if it is not known."""
         if self.look is None:
-            return self._tracker.measure(np.ascontiguousarray(image[:, :, 2]), pivot_px)
-        view = self.look.view
-        x, y = view.to_view(pivot_px, self._size)
-        told = (x + self._shift_px[0], y + self._shift_px[1])
-        fit = self._tracker.measure(view.picture(image), told)
-        if fit.reason is TrackFailure.NO_CABLE and self.look.subject is Subject.STILL:
+            return pivot_px
+        if pivot_px is None:
+            return self.look.gate_px()
+        x, y = self.look.view.to_view(pivot_px, self._size)
+        return x + self._shift_px[0], y + self._shift_px[1]
+
+    def _measured(self, image: Grey, pivot_px: Point | None) -> Fit:
+        gate_px = self.gate_px(pivot_px)
+        if gate_px is None:
+            return Fit(reason=TrackFailure.NO_CABLE)
+        if self.look is None:
+            return self._tracker.measure(np.ascontiguousarray(plane_of(image, "red")), gate_px)
+        fit = self._tracker.measure(self.look.view.picture(image), gate_px)
+        if self.look.subject is Subject.STILL and fit.reason in GATE_REASONS:
             return replace(fit, reason=TrackFailure.STATIC)
         return fit
 
     def _repetition(self, image: Grey) -> TrackFailure | None:
         """Tell if a picture equals the last one in every pixel."""
         is_same = self._last is not None and np.array_equal(self._last, image)
-        self._last = image
+        self._last = image.copy()
         self._repeated = self._repeated + 1 if is_same else 0
         if self._repeated == 0:
             return None
