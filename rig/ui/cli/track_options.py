@@ -1,0 +1,100 @@
+"""Options of `rig track` for a video, and their texts."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import NamedTuple
+
+from rig.errors import ConfigError
+from vision.first_look import LookChoices
+from vision.stream import SourceOptions
+from vision.view import PLANES, Point, Region
+
+AUTO = "auto"
+POLARITIES = ("dark", "bright")
+MAX_WIDTH_PX = 40.0
+
+
+class TrackOptions(NamedTuple):
+    """Options as given; None = the default."""
+
+    video: str
+    pivot: str | None
+    plane: str | None
+    polarity: str | None
+    width_px: float | None
+    roi: str | None
+    from_s: float | None
+    to_s: float | None
+    rate_hz: float | None
+    at_rest: bool
+    filter: str | None
+    look: bool
+    plot: Path | None
+    csv: Path | None
+    mcap: Path | None
+    overlay: Path | None
+    as_json: bool
+
+    def choices(self) -> LookChoices:
+        """Collect what the first look need not find; raises ConfigError."""
+        _check_one_of("--plane", self.plane, PLANES)
+        _check_one_of("--polarity", self.polarity, POLARITIES)
+        if self.width_px is not None and not 0.5 <= self.width_px <= MAX_WIDTH_PX:
+            raise ConfigError(
+                f"--width {self.width_px:g}; must be 0.5 to {MAX_WIDTH_PX:g} px: give the width of "
+                "the cable in the picture, or leave it out"
+            )
+        return LookChoices(
+            plane=self.plane,
+            is_bright=None if self.polarity is None else self.polarity == "bright",
+            width_px=self.width_px,
+            region=None if self.roi is None else region_of(self.roi),
+            at_rest=self.at_rest,
+        )
+
+    def source(self) -> SourceOptions:
+        """Collect the options of the source of the frames; raises ConfigError."""
+        if self.from_s is not None and self.to_s is not None and self.to_s <= self.from_s:
+            raise ConfigError(
+                f"--to {self.to_s:g} with --from {self.from_s:g}; must be later: exchange them"
+            )
+        return SourceOptions(rate_hz=self.rate_hz, from_s=self.from_s, to_s=self.to_s)
+
+    def pivot_px(self) -> Point | None:
+        """Parse the pivot; None = find it. Raises ConfigError."""
+        if self.pivot is None or self.pivot == AUTO:
+            return None
+        x, y = _numbers("--pivot", self.pivot, 2, "X,Y in pixels, or auto", "320,-40")
+        return x, y
+
+
+def region_of(text: str) -> Region:
+    """Parse X,Y,W,H [px]; raises ConfigError."""
+    numbers = _numbers("--roi", text, 4, "X,Y,W,H in pixels", "100,0,440,480")
+    x, y, width, height = (round(number) for number in numbers)
+    if min(x, y) < 0 or min(width, height) < 1:
+        raise ConfigError(
+            f"--roi '{text}'; X and Y must be >= 0, W and H >= 1: give a part of the picture"
+        )
+    return Region(x, y, width, height)
+
+
+def _numbers(option: str, text: str, count: int, form: str, example: str) -> list[float]:
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) != count:
+        raise ConfigError(f"{option} '{text}'; must be {form}: for example {option} {example}")
+    if not math.isfinite(math.fsum(numbers)):
+        raise ConfigError(
+            f"{option} '{text}'; must be {count} finite numbers: for example {option} {example}"
+        )
+    return numbers
+
+
+def _check_one_of(option: str, value: str | None, known: tuple[str, ...]) -> None:
+    if value is not None and value not in known:
+        raise ConfigError(f"{option} '{value}'; must be one of {', '.join(known)}: choose one")
