@@ -12,7 +12,7 @@ import numpy as np
 
 from vision.decoder_messages import DecoderMessages
 from vision.errors import VisionError
-from vision.stream import About, Finding, Image, SourceFrame, SourceOptions, StampKind
+from vision.stream import About, Image, SourceFrame, SourceOptions, StampKind, StreamFinding
 from vision.stream_check import checked, within
 
 MAX_RATE_HZ = 10_000.0
@@ -79,7 +79,7 @@ class LiveSource:
         self._capture = capture
         self._options = options
         self._clock_s = clock_s
-        self.findings: list[Finding] = []
+        self.findings: list[StreamFinding] = []
         rate_hz = capture.get(cv2.CAP_PROP_FPS)
         code = int(capture.get(cv2.CAP_PROP_FOURCC))
         self.about = About(

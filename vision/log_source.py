@@ -12,7 +12,7 @@ from comms.errors import LogError
 from comms.mcap_log import read_log
 from comms.records import CompressedImage, picture_topic
 from vision.errors import VisionError
-from vision.stream import About, Finding, SourceFrame, SourceOptions, StampKind
+from vision.stream import About, SourceFrame, SourceOptions, StampKind, StreamFinding
 from vision.stream_check import checked, spread_evenly, within
 
 LOG_NAME = "run.mcap"
@@ -28,7 +28,7 @@ class LogSource:
     def __init__(self, where: Path, options: SourceOptions) -> None:
         """where: folder of a run, or its log; raises VisionError."""
         self._options = options
-        self.findings: list[Finding] = []
+        self.findings: list[StreamFinding] = []
         path = where / LOG_NAME if where.is_dir() else where
         topic = picture_topic(f"frame_{options.camera}")
         try:

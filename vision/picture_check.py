@@ -15,7 +15,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from vision.stream import FrameFault, Image
+from vision.stream import Image, PictureFault
 
 SAMPLED_COLUMNS = 80
 WINDOW = 64  # pictures whose differences are remembered
@@ -45,10 +45,10 @@ class Pair(NamedTuple):
     is_same: bool
 
 
-class Verdict(NamedTuple):
+class PictureVerdict(NamedTuple):
     """Decision on a picture."""
 
-    faults: frozenset[FrameFault]
+    faults: frozenset[PictureFault]
     is_cut: bool
 
 
@@ -74,7 +74,7 @@ class PictureCheck:
         """Smallest usual difference of two pictures, grey levels; 0 while unknown."""
         return self._noise.floor() or 0.0
 
-    def add(self, sample: Image, is_bad: bool, is_after_gap: bool) -> Verdict | None:
+    def add(self, sample: Image, is_bad: bool, is_after_gap: bool) -> PictureVerdict | None:
         """Take the sample of the next picture; return the verdict on the one before, if any.
 
         is_bad: of the picture before, as its decoder says; is_after_gap: of this one.
@@ -90,7 +90,7 @@ class PictureCheck:
         self._is_after_gap = is_after_gap
         return verdict
 
-    def finish(self, is_bad: bool) -> Verdict | None:
+    def finish(self, is_bad: bool) -> PictureVerdict | None:
         """Return the verdict on the last picture, which nothing confirms; None without pictures."""
         return None if self._sample is None else self._judge(self._sample, None, is_bad)
 
@@ -130,7 +130,7 @@ class PictureCheck:
         rows = cv2.reduce(changed, 1, cv2.REDUCE_SUM, dtype=cv2.CV_32F)
         return mean, count, int(np.count_nonzero(rows > row_limit))
 
-    def _judge(self, sample: Image, after: Pair | None, is_bad: bool) -> Verdict:
+    def _judge(self, sample: Image, after: Pair | None, is_bad: bool) -> PictureVerdict:
         pair = self._pairs[-1]
         is_same = pair is not None and pair.is_same
         faults = self._repetitions(after)
@@ -142,20 +142,20 @@ class PictureCheck:
             is_damaged, is_cut = self._place(sample, after)
             is_cut = is_cut or (not faults and self._is_spike(after, len(sample)))
         if is_damaged:
-            faults.add(FrameFault.DAMAGED)
+            faults.add(PictureFault.DAMAGED)
         elif not is_same:
             self._good = sample
             if pair is not None and not self._was_damaged:
                 self._noise.add(pair.difference)
         self._was_damaged = is_damaged
-        return Verdict(frozenset(faults), is_cut)
+        return PictureVerdict(frozenset(faults), is_cut)
 
-    def _repetitions(self, after: Pair | None) -> set[FrameFault]:
+    def _repetitions(self, after: Pair | None) -> set[PictureFault]:
         _, before, pair = self._pairs
         if pair is None or not pair.is_same:
             return set()
         is_run = any(other is not None and other.is_same for other in (before, after))
-        return {FrameFault.FROZEN if is_run else FrameFault.DUPLICATE}
+        return {PictureFault.FROZEN if is_run else PictureFault.DUPLICATE}
 
     def _place(self, sample: Image, after: Pair | None) -> tuple[bool, bool]:
         """Tell if the picture that waits is damaged, and if it begins another scene."""

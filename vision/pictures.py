@@ -15,13 +15,13 @@ from vision.decoder_messages import DecoderMessages
 from vision.errors import VisionError
 from vision.stream import (
     About,
-    Finding,
     FindingKind,
-    FrameFault,
     Image,
+    PictureFault,
     SourceFrame,
     SourceOptions,
     StampKind,
+    StreamFinding,
 )
 from vision.stream_check import checked, spread_evenly, within
 
@@ -29,7 +29,7 @@ ENDINGS = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 PATTERN = re.compile(r"%0?(\d*)d")
 STAMPS_FILE = "stamps.csv"
 BITS = (8, 10, 12, 14, 16)  # of a grey level; the first that holds the first picture is taken
-NO_FAULTS: frozenset[FrameFault] = frozenset()
+NO_FAULTS: frozenset[PictureFault] = frozenset()
 
 
 class Pictures:
@@ -39,7 +39,7 @@ class Pictures:
         """where: folder, pattern like img_%04d.png, or one picture; raises VisionError."""
         self._files = _files(where)
         self._options = options
-        self.findings: list[Finding] = []
+        self.findings: list[StreamFinding] = []
         with DecoderMessages() as messages:
             first = _read(self._files[0], messages)
         if first is None:
@@ -69,21 +69,21 @@ class Pictures:
                 f"{self._bits} bits of grey levels (by the brightest pixel of the first picture) "
                 "are reduced to 8; brighter pixels of later pictures are cut off"
             )
-            self.findings.append(Finding(FindingKind.DEPTH, 0, 0, float(self._bits), text))
+            self.findings.append(StreamFinding(FindingKind.DEPTH, 0, 0, float(self._bits), text))
         yield from checked(within(self._read_all(self.findings), self._options), self.findings)
 
     def spread(self, count: int) -> list[SourceFrame]:
         """Read count pictures, or all if there are fewer, spread over from_s to to_s."""
         return spread_evenly(within(self._read_all([]), self._options), count)
 
-    def _read_all(self, findings: list[Finding]) -> Iterator[SourceFrame]:
+    def _read_all(self, findings: list[StreamFinding]) -> Iterator[SourceFrame]:
         size = self._size
         with DecoderMessages() as messages:
             for number, path in enumerate(self._files):
                 levels = _read(path, messages)
                 if levels is None:
                     text = f"{path.name} cannot be read: it is left out; copy it again"
-                    findings.append(Finding(FindingKind.DAMAGED, number, number, 1.0, text))
+                    findings.append(StreamFinding(FindingKind.DAMAGED, number, number, 1.0, text))
                     continue
                 image = _eight_bits(levels, self._bits)
                 now = (image.shape[1], image.shape[0])
@@ -92,7 +92,7 @@ class Pictures:
                     size = now
                 if now != self._size:
                     image = np.asarray(cv2.resize(image, self._size), np.uint8)
-                faults = frozenset({FrameFault.DAMAGED}) if messages.last else NO_FAULTS
+                faults = frozenset({PictureFault.DAMAGED}) if messages.last else NO_FAULTS
                 yield SourceFrame(number, self._stamps_s[number], self._stamp, image, faults)
 
     def _choose_stamps(self, where: Path) -> tuple[StampKind, list[float]]:
@@ -227,9 +227,9 @@ def _eight_bits(levels: np.ndarray, bits: int) -> Image:
     return np.asarray(cv2.convertScaleAbs(levels, alpha=255.0 / (2**bits - 1)), np.uint8)
 
 
-def _size_change(number: int, before: tuple[int, int], now: tuple[int, int]) -> Finding:
+def _size_change(number: int, before: tuple[int, int], now: tuple[int, int]) -> StreamFinding:
     text = (
         f"the pictures change from {before[0]}x{before[1]} to {now[0]}x{now[1]} pixels and are "
         "scaled to the first size: pivot and scale may change; analyse the parts by themselves"
     )
-    return Finding(FindingKind.SIZE_CHANGE, number, number, now[0] / before[0], text)
+    return StreamFinding(FindingKind.SIZE_CHANGE, number, number, now[0] / before[0], text)

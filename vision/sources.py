@@ -12,7 +12,7 @@ import numpy as np
 from vision.errors import VisionError
 from vision.live import open_camera, open_pipeline
 from vision.pictures import ENDINGS, Pictures
-from vision.stream import FrameSource, Image, SourceOptions
+from vision.stream import FrameStream, Image, SourceOptions
 from vision.video_file import VideoFile
 
 MAX_RATE_HZ = 1e6
@@ -29,7 +29,7 @@ class VideoFrame(NamedTuple):
     red: Image  # red plane, (height, width) uint8
 
 
-def open_source(where: str | Path, options: SourceOptions = DEFAULT_OPTIONS) -> FrameSource:
+def open_source(where: str | Path, options: SourceOptions = DEFAULT_OPTIONS) -> FrameStream:
     """Open a source of frames by name.
 
     where: video file, folder of pictures, printf pattern of pictures, number or path of a camera,

@@ -6,7 +6,7 @@ from collections import deque
 
 import numpy as np
 
-from vision.stream import Finding, FindingKind
+from vision.stream import FindingKind, StreamFinding
 
 GAP = 1.5  # of the median interval
 UNEVEN = 0.1  # an interval is off by so much of the median
@@ -18,7 +18,7 @@ MS = 1e3
 class StampCheck:
     """Check of the time stamps of a stream."""
 
-    def __init__(self, findings: list[Finding]) -> None:
+    def __init__(self, findings: list[StreamFinding]) -> None:
         """findings: where to append what is found."""
         self._findings = findings
         self._numbers: list[int] = []
@@ -71,7 +71,7 @@ class StampCheck:
                 "there is nothing to do"
             )
             ratio = float(high_s / low_s)
-            self._findings.append(Finding(FindingKind.UNEVEN_RATE, first, last, ratio, text))
+            self._findings.append(StreamFinding(FindingKind.UNEVEN_RATE, first, last, ratio, text))
             median_s = float(high_s)
         for index in np.flatnonzero(intervals_s > GAP * median_s):
             missing_s = float(intervals_s[index]) - median_s
@@ -91,4 +91,4 @@ class StampCheck:
         return float(np.median(forward_s)) if len(forward_s) else 0.0
 
     def _note(self, kind: FindingKind, number: int, value: float, text: str) -> None:
-        self._findings.append(Finding(kind, number, number, value, text))
+        self._findings.append(StreamFinding(kind, number, number, value, text))

@@ -28,7 +28,7 @@ class StampKind(enum.Enum):
     LOG = "log"  # stamp of the picture in the log of a run
 
 
-class FrameFault(enum.Enum):
+class PictureFault(enum.Enum):
     """Fault that makes a picture useless as a measurement at its time stamp."""
 
     DAMAGED = "damaged"  # rows that do not belong to this picture
@@ -55,7 +55,7 @@ class FindingKind(enum.Enum):
     DEPTH = "depth"
 
 
-class Finding(NamedTuple):
+class StreamFinding(NamedTuple):
     """Irregularity with the frames it concerns."""
 
     kind: FindingKind
@@ -72,7 +72,7 @@ class SourceFrame(NamedTuple):
     t_s: float  # from the first frame of the file; steps back where the stamps of the file do
     stamp: StampKind
     image: Image  # (height, width), or (height, width, 3) blue, green, red
-    faults: frozenset[FrameFault] = frozenset()
+    faults: frozenset[PictureFault] = frozenset()
 
 
 class SourceOptions(NamedTuple):
@@ -98,7 +98,7 @@ class About(NamedTuple):
     is_live: bool  # can be read once only
 
 
-class FrameSource(Protocol):
+class FrameStream(Protocol):
     """Source of frames."""
 
     @property
@@ -106,7 +106,7 @@ class FrameSource(Protocol):
         """Description of the source."""
 
     @property
-    def findings(self) -> Sequence[Finding]:
+    def findings(self) -> Sequence[StreamFinding]:
         """Irregularities of the frames passed since the last frames(), in order; grows with them.
 
         Complete when frames() has ended.

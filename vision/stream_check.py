@@ -10,13 +10,13 @@ import numpy as np
 from vision.picture_check import LOOP_PICTURES, LoopCheck, PictureCheck, busiest_plane, sampled
 from vision.stamp_check import StampCheck
 from vision.stream import (
-    Finding,
     FindingKind,
-    FrameFault,
     Image,
+    PictureFault,
     SourceFrame,
     SourceOptions,
     StampKind,
+    StreamFinding,
 )
 
 MIN_PULLDOWN = 4  # repetitions at equal distances
@@ -29,14 +29,14 @@ RUN_TEXTS = {
     "of the camera",
 }
 FAULT_KINDS = {
-    FrameFault.DAMAGED: FindingKind.DAMAGED,
-    FrameFault.FROZEN: FindingKind.FROZEN,
-    FrameFault.DUPLICATE: FindingKind.DUPLICATE,
+    PictureFault.DAMAGED: FindingKind.DAMAGED,
+    PictureFault.FROZEN: FindingKind.FROZEN,
+    PictureFault.DUPLICATE: FindingKind.DUPLICATE,
 }
 
 
 def checked(
-    frames: Iterator[SourceFrame], findings: list[Finding], keeps_noise: bool = True
+    frames: Iterator[SourceFrame], findings: list[StreamFinding], keeps_noise: bool = True
 ) -> Iterator[SourceFrame]:
     """Pass frames on, each when the next one is known, with their faults.
 
@@ -84,7 +84,7 @@ def spread_evenly(frames: Iterator[SourceFrame], count: int) -> list[SourceFrame
     return [kept[index] for index in chosen]
 
 
-def summary(findings: list[Finding]) -> list[str]:
+def summary(findings: list[StreamFinding]) -> list[str]:
     """Write one line for each kind of finding: which frames, and the text of the first."""
     lines = []
     by_kind = sorted(findings, key=lambda finding: (finding.kind.value, finding.first))
@@ -98,27 +98,29 @@ def summary(findings: list[Finding]) -> list[str]:
     return lines
 
 
-def _place(finding: Finding) -> str:
+def _place(finding: StreamFinding) -> str:
     if finding.first == finding.last:
         return str(finding.first)
     return f"{finding.first} to {finding.last}"
 
 
 class _StreamCheck:
-    def __init__(self, findings: list[Finding], keeps_noise: bool) -> None:
+    def __init__(self, findings: list[StreamFinding], keeps_noise: bool) -> None:
         self._findings = findings
         self._stamps = StampCheck(findings)
         self._pictures = PictureCheck(keeps_noise)
         self._loop = LoopCheck()
         self._plane = 0
         self._sample: Image | None = None  # of the frame that waits
-        self._faulty: dict[FrameFault, list[int]] = {fault: [] for fault in FrameFault}
+        self._faulty: dict[PictureFault, list[int]] = {fault: [] for fault in PictureFault}
         self._is_finished = False
 
-    def add(self, frame: SourceFrame | None, waiting: SourceFrame | None) -> frozenset[FrameFault]:
+    def add(
+        self, frame: SourceFrame | None, waiting: SourceFrame | None
+    ) -> frozenset[PictureFault]:
         """Take the next frame, None at the end; return the faults of the one that waits."""
         sample: Image | None = None
-        is_bad = waiting is not None and FrameFault.DAMAGED in waiting.faults
+        is_bad = waiting is not None and PictureFault.DAMAGED in waiting.faults
         if frame is None:
             verdict = self._pictures.finish(is_bad)
         else:
@@ -155,7 +157,9 @@ class _StreamCheck:
             f"the picture jumps at {frame.t_s:.3f} s: the recording was cut there, or is damaged; "
             "analyse the parts by themselves, with --from and --to"
         )
-        self._findings.append(Finding(FindingKind.CUT, frame.number, frame.number, frame.t_s, text))
+        self._findings.append(
+            StreamFinding(FindingKind.CUT, frame.number, frame.number, frame.t_s, text)
+        )
 
     def _look_for_loop(self, frame: SourceFrame, sample: Image) -> None:
         if not self._loop.add(sample, self._pictures.noise):
@@ -165,17 +169,19 @@ class _StreamCheck:
             "analyse one round, with --to"
         )
         number = frame.number - LOOP_PICTURES + 1
-        self._findings.append(Finding(FindingKind.LOOP, number, number, frame.t_s, text))
+        self._findings.append(StreamFinding(FindingKind.LOOP, number, number, frame.t_s, text))
 
     def _note_runs(self, kind: FindingKind, numbers: list[int]) -> None:
         breaks = np.flatnonzero(np.diff(numbers) > 1) + 1
         for run in np.split(np.array(numbers, int), breaks):
             if len(run):
-                finding = Finding(kind, int(run[0]), int(run[-1]), float(len(run)), RUN_TEXTS[kind])
+                finding = StreamFinding(
+                    kind, int(run[0]), int(run[-1]), float(len(run)), RUN_TEXTS[kind]
+                )
                 self._findings.append(finding)
 
     def _note_pulldown(self) -> None:
-        numbers = self._faulty[FrameFault.DUPLICATE]
+        numbers = self._faulty[PictureFault.DUPLICATE]
         steps = np.diff(numbers)
         if len(numbers) < MIN_PULLDOWN or np.ptp(steps) > 0:
             return
@@ -184,14 +190,14 @@ class _StreamCheck:
             f"every {step}th frame repeats the one before: the video was converted from a lower "
             f"rate, {step - 1} of {step} frames are true; analyse the original"
         )
-        finding = Finding(FindingKind.PULLDOWN, numbers[0], numbers[-1], float(step), text)
+        finding = StreamFinding(FindingKind.PULLDOWN, numbers[0], numbers[-1], float(step), text)
         self._findings.append(finding)
 
 
-def no_stamps(kind: StampKind, rate_hz: float) -> Finding:
+def no_stamps(kind: StampKind, rate_hz: float) -> StreamFinding:
     """Make the finding on a source without time stamps."""
     text = (
         f"the source has no time stamps: time is the number of the frame over {rate_hz:g} Hz "
         f"({kind.value}); give the true rate with --rate if it is another"
     )
-    return Finding(FindingKind.NO_STAMPS, 0, 0, rate_hz, text)
+    return StreamFinding(FindingKind.NO_STAMPS, 0, 0, rate_hz, text)

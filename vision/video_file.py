@@ -17,12 +17,12 @@ from vision.errors import VisionError
 from vision.jpeg_sizes import JpegSizes
 from vision.stream import (
     About,
-    Finding,
     FindingKind,
-    FrameFault,
+    PictureFault,
     SourceFrame,
     SourceOptions,
     StampKind,
+    StreamFinding,
 )
 from vision.stream_check import checked, no_stamps, spread_evenly, within
 
@@ -35,7 +35,7 @@ LOSSLESS = ("FFV1", "HFYU", "FFVH")
 IN_ORDER = ("FFV1",)  # codecs that show frames as they decode them
 EARLY_INTERVALS, EARLY_SHARE = 2.0, 0.005  # the stated duration may be off by so much
 COPY_AGAIN = "copy it again from the camera"
-DAMAGED = frozenset({FrameFault.DAMAGED})
+DAMAGED = frozenset({PictureFault.DAMAGED})
 
 
 class VideoFile:
@@ -45,7 +45,7 @@ class VideoFile:
         """Open path; raises VisionError if it is no video that can be read."""
         self._path = path
         self._options = options
-        self.findings: list[Finding] = []
+        self.findings: list[StreamFinding] = []
         with DecoderMessages() as messages:
             capture = _open(path, messages)
             self.about = _about(path, capture)
@@ -108,13 +108,17 @@ class _Reading:
     """One pass over a file."""
 
     def __init__(
-        self, path: Path, about: About, sizes: JpegSizes | None, findings: list[Finding]
+        self, path: Path, about: About, sizes: JpegSizes | None, findings: list[StreamFinding]
     ) -> None:
         self._about = about
         self._sizes = sizes
         self._findings = findings
         self._messages = DecoderMessages()
-        self._capture = _open(path, self._messages)
+        try:
+            self._capture = _open(path, self._messages)
+        except VisionError:
+            self._messages.close()
+            raise
         self._bad_left = 0.0  # frames, of which the next key frame frees
 
     def close(self) -> None:
@@ -181,13 +185,13 @@ class _Reading:
             "scaled to the first size: pivot and scale may change; analyse the parts by themselves"
         )
         ratio = now[0] / before[0]
-        self._findings.append(Finding(FindingKind.SIZE_CHANGE, number, number, ratio, text))
+        self._findings.append(StreamFinding(FindingKind.SIZE_CHANGE, number, number, ratio, text))
 
     def _note_end(self, read: int, last_s: float) -> None:
         """Report an end before the one that the file states, and what the decoder says of it."""
         if self._messages.last:
             text = f"the decoder ends with '{self._messages.last[0]}': {COPY_AGAIN}"
-            self._findings.append(Finding(FindingKind.DAMAGED, read, read, 1.0, text))
+            self._findings.append(StreamFinding(FindingKind.DAMAGED, read, read, 1.0, text))
         stated, rate_hz = self._about.frames, self._about.rate_hz
         if stated is None or rate_hz is None or read >= stated:
             return
@@ -200,7 +204,7 @@ class _Reading:
             f"{stated_s:.3f} s: it was cut short; {COPY_AGAIN}"
         )
         last = max(0, read - 1)
-        self._findings.append(Finding(FindingKind.ENDS_EARLY, last, last, float(read), text))
+        self._findings.append(StreamFinding(FindingKind.ENDS_EARLY, last, last, float(read), text))
 
 
 def _open(path: Path, messages: DecoderMessages) -> cv2.VideoCapture:
