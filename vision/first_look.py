@@ -32,7 +32,7 @@ from vision.pivot_fit import Pivot, meeting_point
 from vision.ridge import grey_levels
 from vision.static_scene import StaticScene
 from vision.templates import CableLook
-from vision.view import Point, Region, View
+from vision.view import Point, Region, View, plane_of
 from vision.view_choice import choose_view
 
 MAX_PIVOT_SCATTER_PX = 2.0  # of lines that meet in one point
@@ -154,7 +154,7 @@ def _look(pictures: Sequence[Grey], pivots_px: Sequence[Point] | None, chosen: L
     if chosen.turns is None and _is_upside_down(found, pivot, seen[0].shape[0]):
         turned = replace(chosen, turns=(view.turns + 2) % 4, plane=view.plane)
         return _look(pictures, pivots_px, replace(turned, is_bright=view.is_bright))
-    return _described(view, size, seen, found, pivot, chosen)
+    return _described(view, pictures, seen, found, pivot, chosen)
 
 
 def _choice_findings(chosen: LookChoices, other: Look) -> Iterator[LookFinding]:
@@ -203,7 +203,7 @@ def _is_upside_down(found: CableLines, pivot: Pivot | None, height: int) -> bool
 
 def _described(
     view: View,
-    size: tuple[int, int],
+    pictures: Sequence[Grey],
     seen: Sequence[Grey],
     found: CableLines,
     pivot: Pivot | None,
@@ -222,7 +222,7 @@ def _described(
     described = Look(
         view=view,
         subject=subject,
-        size=size,
+        size=(pictures[0].shape[1], pictures[0].shape[0]),
         median=still,
         scene=scene,
         cable=found.cable,
@@ -231,11 +231,15 @@ def _described(
         static_lines=tuple(statics),
         swing_rad=swing_of(found) if found.is_moving else None,
     )
-    return replace(described, findings=tuple(_findings(described, seen, found, chosen)))
+    return replace(described, findings=tuple(_findings(described, pictures, seen, found, chosen)))
 
 
 def _findings(
-    described: Look, seen: Sequence[Grey], found: CableLines, chosen: LookChoices
+    described: Look,
+    pictures: Sequence[Grey],
+    seen: Sequence[Grey],
+    found: CableLines,
+    chosen: LookChoices,
 ) -> Iterator[LookFinding]:
     if chosen.turns is None:
         yield from turn_findings(described.view.turns)
@@ -248,7 +252,19 @@ def _findings(
     elif described.subject is Subject.STILL and not chosen.at_rest:
         yield from static_findings(described.static_lines, None)
     elif described.subject is Subject.NOTHING:
-        yield from light_findings(seen)
+        upright = [plane_of(picture, described.view.plane) for picture in pictures]
+        yield from light_findings(upright, _searched(chosen))
+
+
+def _searched(chosen: LookChoices) -> str:
+    """Name the views that the choices leave open."""
+    planes = "all planes" if chosen.plane is None else f"the {chosen.plane} plane"
+    polarity = "dark and bright"
+    if chosen.is_bright is not None:
+        polarity = "for a bright cable" if chosen.is_bright else "for a dark cable"
+    turns = ", upright and turned" if chosen.turns is None else ""
+    part = "" if chosen.region is None else ", in the region"
+    return f"{planes}, {polarity}{turns}{part}"
 
 
 def _described_bob(bob: BobLook, size: tuple[int, int]) -> Look:

@@ -141,8 +141,8 @@ def second_line_findings(
         )
 
 
-def light_findings(pictures: Sequence[Grey]) -> Iterator[LookFinding]:
-    """Report pictures (height, width) without levels in which a line could be seen."""
+def light_findings(pictures: Sequence[Grey], where: str) -> Iterator[LookFinding]:
+    """Report pictures (height, width) of a view without a line; where: what was searched."""
     levels = [grey_levels(picture) for picture in pictures]
     background = float(np.median([item.background for item in levels]))
     saturation = float(np.median([item.saturation for item in levels]))
@@ -160,5 +160,5 @@ def light_findings(pictures: Sequence[Grey]) -> Iterator[LookFinding]:
         noise = float(np.median([item.noise for item in levels]))
         yield LookFinding(
             f"no line stands out: median grey level {background:.0f}, noise {noise:.1f} levels, "
-            f"{len(pictures)} pictures in all planes, dark and bright, upright and turned"
+            f"{len(pictures)} pictures searched in {where}"
         )

@@ -121,7 +121,8 @@ def _finish(options: TrackOptions, tracked: Tracked, wanted: AngleFilter | None)
     """Write the files and print the summary."""
     filtered: Filtered | None = None
     more: dict[str, list[Any]] = {}
-    if wanted is not None:
+    judgement = judge(tracked.rows, tracked.look, tracked.told, tracked.findings)
+    if wanted is not None and judgement.verdict != "bad":
         filtered = wanted.apply(tracked.rows)
         more = {"filtered_t_s": filtered.t_s, "filtered_rad": filtered.angle_rad}
     if options.csv is not None:
@@ -130,7 +131,6 @@ def _finish(options: TrackOptions, tracked: Tracked, wanted: AngleFilter | None)
         about = {"source": options.video, "view": str(tracked.look.view)}
         joints = [(row, tracked.gate_px) for row in tracked.rows]
         write_log(options.mcap, joints, about)
-    judgement = judge(tracked.rows, tracked.look, tracked.told, tracked.findings)
     code = OK if judgement.verdict == "good" else BAD_DATA
     if options.as_json:
         print_json(_document(options, tracked, judgement, filtered, code))
@@ -231,7 +231,7 @@ def _print_look(options: TrackOptions, look: Look, source: FrameSource) -> None:
         if view.turns % 2:
             across, along = along, across
         print_paragraph(
-            f"pivot: {place[0]:.2f},{place[1]:.2f} +- {across:.2f},{along:.2f} px, from "
+            f"pivot: {place[0]:.2f},{place[1]:.2f} +- {across:.2g},{along:.2g} px, from "
             f"{look.pivot.lines} pictures"
         )
 
