@@ -23,7 +23,7 @@ from comms.messages import (
 from comms.replies import Replies
 from comms.task import NO_STEP, Send, Step
 from vision.filters import MovingAverage
-from vision.geometry import PivotModel
+from vision.geometry import PivotModel, pitched_camera
 from vision.offset_table import LightOffsets, Offset, OffsetTable
 from vision.ridge import grey_levels
 from vision.sources import red_plane
@@ -51,9 +51,15 @@ class VisionSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
     offset_rad: list[float]
     background: float | None = None  # level of the screen at these offsets
     lights: list[LightOffsets] = []  # offsets at the same positions in other light
+    camera_distance_m: float | None = None  # from the camera to the plane of the swing
     average_frames: int = 3
     processing_ns: int = 2_000_000  # from the arrival of the frame to the sending of the angle
     max_extrapolation_ns: int = 20_000_000  # of the platform position, from its nearest sample
+
+    @property
+    def has_angle_scale(self) -> bool:
+        """True if the perspective of the camera is corrected: its offset table has a slope."""
+        return len(self.x_m) > 1
 
 
 class PlatformPoint(NamedTuple):
@@ -79,6 +85,13 @@ class VisionTask:
             self._offsets = OffsetTable(
                 settings.x_m, settings.offset_rad, settings.background, settings.lights
             )
+        self._pitch = pitched_camera(
+            settings.x_m,
+            settings.offset_rad,
+            self._pivot,
+            (settings.width, settings.height),
+            settings.camera_distance_m,
+        )
         max_gap_ns = int(MAX_GAP_PERIODS * settings.period_ns)
         self._average = MovingAverage(settings.average_frames, max_gap_ns)
         self._platform: deque[PlatformPoint] = deque(maxlen=MAX_PLATFORM_SAMPLES)
@@ -130,13 +143,14 @@ class VisionTask:
         links: tuple[LinkAngle, ...] = ()
         if reason is InvalidReason.NONE and fit.angle_rad is not None and fit.sigma_rad is not None:
             t_ns = middle_ns + self._readout_delay_ns(frame)
-            mean = self._average.add(t_ns, fit.angle_rad - offset.offset_rad, fit.sigma_rad)
+            true = self._pitch.true_angle(fit.angle_rad, offset.offset_rad, place_m or 0.0)
+            mean = self._average.add(t_ns, true.angle_rad, true.gain * fit.sigma_rad)
             t_valid_ns = mean.t_ns
             cable = LinkAngle(
                 angle_rad=mean.angle_rad,
                 sigma_rad=mean.sigma_rad,
                 raw_rad=fit.angle_rad,
-                offset_rad=offset.offset_rad,
+                offset_rad=fit.angle_rad - true.angle_rad,
                 joint_px=self._joint_px(place_m or 0.0, fit),
             )
             links = (cable,)

@@ -147,7 +147,10 @@ def _doubts(summary: Summary, run: RunLog) -> list[str]:
 def _cause_of_error(across: Across | None) -> str:
     """Name what makes the first camera measure wrong, as far as the other one tells."""
     if across is None or (across.peak_rad or 0.0) <= MAX_ACROSS_RAD:
-        return "calibrate again"
+        return (
+            "calibrate again; for a camera pitched by more than 1 degree give its distance, too "
+            "(vision.camera_distance_m)"
+        )
     return (
         "a swing across is seen in perspective where the platform stands beside its home "
         "position: stop what pushes the load, or end the move at home"

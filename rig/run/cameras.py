@@ -21,6 +21,7 @@ class Camera(NamedTuple):
     rough_pivot_px: tuple[float, float]
     rough_pixels_per_m: float
     rate_hz: float  # 0 = no camera
+    distance_m: float | None  # to the plane of the swing; None = not known
 
 
 def cameras(experiment: Experiment) -> list[Camera]:
@@ -48,6 +49,7 @@ def _camera(experiment: Experiment, belief: CameraBelief, number: int, section: 
         rough_pivot_px=belief.rough_pivot_px or vision.rough_pivot_px,
         rough_pixels_per_m=belief.rough_pixels_per_m or vision.rough_pixels_per_m,
         rate_hz=rate_hz,
+        distance_m=belief.camera_distance_m or vision.camera_distance_m,
     )
 
 

@@ -11,6 +11,7 @@ from rig.run.toml_file import Section
 
 Pixel = Annotated[float, Meta(ge=-1e5, le=1e5)]
 Scale = Annotated[float, Meta(gt=0, le=1e6)]  # pixels per metre
+Distance = Annotated[float, Meta(ge=0.01, le=1000)]
 
 
 class CameraBelief(Section, frozen=True, kw_only=True):
@@ -21,13 +22,16 @@ class CameraBelief(Section, frozen=True, kw_only=True):
     rough_pivot_px: tuple[Pixel, Pixel] | None = None
     rough_pixels_per_m: Scale | None = None
     rate_hz: Annotated[float, Meta(ge=0, le=200)] = 0.0  # 0 = that of [camera]
+    camera_distance_m: Distance | None = None
 
 
 class VisionSection(Section, frozen=True, kw_only=True):
     """`[vision]`: settings of the tracker.
 
-    calibration: a file, "shipped", or "none" (rough_* are used then). cameras: in the order of
-    [[bench.cameras]]; without them there is one camera, in the plane x.
+    calibration: a file, "shipped", or "none" (rough_* are used then). camera_distance_m: from the
+    camera to the plane of the swing; with it the pitch that the calibration shows is corrected to
+    the second order. cameras: in the order of [[bench.cameras]]; without them there is one camera,
+    in the plane x.
     """
 
     calibration: str = "shipped"
@@ -35,4 +39,5 @@ class VisionSection(Section, frozen=True, kw_only=True):
     processing_ms: Annotated[float, Meta(ge=0, le=1000)] = 2.0
     rough_pivot_px: tuple[Pixel, Pixel] = (321.0, -38.0)  # estimated without calibration
     rough_pixels_per_m: Scale = 1005.0
+    camera_distance_m: Distance | None = None
     cameras: Annotated[list[CameraBelief], Meta(max_length=MAX_CAMERAS)] = []

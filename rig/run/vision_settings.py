@@ -30,4 +30,5 @@ def vision_settings(
         offset_rad=calibration.offset_rad if calibration else [],
         background=calibration.background if calibration else None,
         lights=calibration.light_offsets() if calibration else [],
+        camera_distance_m=camera.distance_m,
     )

@@ -15,6 +15,7 @@ from rig.run import config, toml_file
 from rig.run.cameras import Camera
 from rig.run.vision_section import Pixel, Scale
 from vision.errors import VisionError
+from vision.geometry import PitchedCamera, PivotModel, pitched_camera
 from vision.offset_table import LightOffsets, OffsetTable
 
 Level = Annotated[float, Meta(ge=0.0, le=255.0)]
@@ -56,7 +57,7 @@ def find(experiment: config.Experiment, camera: Camera) -> tuple[str, Calibratio
     """Find name and contents of the calibration of a camera; contents None where it uses none.
 
     Raises ConfigError for a missing or damaged file, an invalid offset table, another camera, or
-    another picture size.
+    another picture size, or a slope of the table that no camera has.
     """
     name = camera.calibration
     if name == "none" or camera.rate_hz == 0:
@@ -95,9 +96,17 @@ def find(experiment: config.Experiment, camera: Camera) -> tuple[str, Calibratio
         )
     try:
         _table(calibration)
+        _pitch(calibration, camera)
     except VisionError as error:
         raise ConfigError(f"calibration '{name}': {error}") from None
     return name, calibration
+
+
+def _pitch(calibration: Calibration, camera: Camera) -> PitchedCamera:
+    """Find the pitch that the offsets of a file show; raises VisionError."""
+    c = calibration
+    pivot = PivotModel(home_px=c.pivot_home_px, pixels_per_m=c.pixels_per_m)
+    return pitched_camera(c.x_m, c.offset_rad, pivot, (c.width, c.height), camera.distance_m)
 
 
 def _table(calibration: Calibration) -> OffsetTable:
