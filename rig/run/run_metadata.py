@@ -45,8 +45,5 @@ def _angle_scale(job: Job) -> str:
     """Say for each camera whether the angles are corrected for its perspective."""
     if job.experiment.camera.rate_hz == 0.0:
         return "no camera"
-    scales = []
-    for name in VISION_TASKS:
-        if name in job.settings:
-            scales.append("corrected" if job.settings[name].has_angle_scale else "uncorrected")
-    return ", ".join(scales)
+    seen = [job.settings[name] for name in VISION_TASKS if name in job.settings]
+    return ", ".join("corrected" if one.has_angle_scale else "uncorrected" for one in seen)
