@@ -1,6 +1,6 @@
-"""Line fit of a thin dark line: template correlation in each row, Huber line over the rows.
+"""Fit of the axis of a thin dark line: template correlation in each row, Huber fit over the rows.
 
-The line is exact to a hundredth of a pixel.
+The axis is exact to a hundredth of a pixel.
 """
 
 from __future__ import annotations
@@ -10,14 +10,12 @@ from typing import Any, NamedTuple, overload
 
 import numpy as np
 
+from vision.templates import PHASES, Templates
+
 Grey = np.ndarray[Any, np.dtype[np.uint8]]
 FloatArray = np.ndarray[Any, np.dtype[np.float64]]
 Rows = np.ndarray[Any, np.dtype[np.intp]]
 
-TEMPLATE_SIGMA_PX = 1.2  # close to a 2 to 3 px cable behind a sharp lens (sigma 1.0 to 1.25 px)
-TEMPLATE_HALF_PX = 6  # template of 13 taps: five sigma to each side
-TAPS = 2 * TEMPLATE_HALF_PX + 1
-PHASES = 64  # templates per pixel
 HUBER_SIGMAS = 1.345  # 95 % efficient with normal noise (Huber 1981)
 SIGMA_PER_MAD = 1.4826  # normal standard deviation over median absolute deviation
 HUBER_ITERATIONS = 2  # reweighted fits, from a robust line
@@ -25,6 +23,7 @@ COARSE_SCALES_PX = (5.0, 1.5)  # outlier scales of the coarse line, from strip t
 MIN_SCALE_PX = 1e-3  # lower bound: without noise the rows may agree exactly
 MIN_ROWS = 8  # fewer rows give no useful scatter
 MIN_CURVATURE = 1e-6  # grey/px^2; avoids a division by zero
+BLOCK_ROWS = 16  # rows averaged to see their correlation
 
 
 class ImageLine(NamedTuple):
@@ -43,42 +42,23 @@ class ImageLine(NamedTuple):
 
 
 class RowOffsets(NamedTuple):
-    """Distance of the cable from a line, row by row."""
+    """Distance of the cable from an assumed axis, row by row."""
 
     offset_px: FloatArray  # (N,)
     # (N,) of the correlation [grey/px^2]; noise / curvature is the standard deviation of the row
     curvature: FloatArray
 
 
-class LineFit(NamedTuple):
-    """Fitted line and the scatter of its rows."""
+class AxisFit(NamedTuple):
+    """Fitted axis and the scatter of its rows."""
 
-    line: ImageLine
-    rows: int  # within three deviations of the line
+    coefficients: FloatArray  # (P,) of the basis, to be added to the assumed axis
+    is_near: np.ndarray[Any, np.dtype[np.bool_]]  # (N,) within three deviations of the axis
+    rows: int  # number of those
     scatter_px: float  # rms distance of those rows
-    sigma_slope: float  # one standard deviation, from the scatter
+    covariance: FloatArray  # (P, P) of the coefficients, from the scatter
     curvature: float  # rms over those rows [grey/px^2]
-
-
-def _templates() -> np.ndarray[Any, np.dtype[np.float32]]:
-    """Compute the templates (PHASES, 2, TAPS): derivatives 1 and 2 of a unit Gaussian.
-
-    One pair for each sub-pixel phase, from -0.5 up to 0.5. Each sums to zero, so the level of the
-    background cancels.
-    """
-    phase = np.arange(PHASES)[:, None] / PHASES - 0.5
-    x = (np.arange(-TEMPLATE_HALF_PX, TEMPLATE_HALF_PX + 1) - phase) / TEMPLATE_SIGMA_PX
-    gauss = np.exp(-0.5 * x * x) / (np.sqrt(2.0 * np.pi) * TEMPLATE_SIGMA_PX)
-    first = -x * gauss / TEMPLATE_SIGMA_PX
-    second = (x * x - 1.0) * gauss / TEMPLATE_SIGMA_PX**2
-    pair = np.stack([first, second], axis=1)
-    return np.asarray(pair - pair.mean(axis=2, keepdims=True), np.float32)
-
-
-TEMPLATES = _templates()
-# noise of the first and of the second derivative per grey level of noise
-FIRST_NORM = float(np.linalg.norm(TEMPLATES[PHASES // 2, 0]))
-SECOND_NORM = float(np.linalg.norm(TEMPLATES[PHASES // 2, 1]))
+    residual_px: FloatArray  # (N,)
 
 
 def pixel_runs(image: Grey, first: Rows, width: int) -> Grey:
@@ -91,37 +71,41 @@ def pixel_runs(image: Grey, first: Rows, width: int) -> Grey:
     return every[first].view(np.uint8).reshape(-1, width)
 
 
-def row_offsets(image: Grey, v: Rows, u: FloatArray) -> RowOffsets:
-    """Take one Newton step in each row to the stationary point of the correlation with a Gaussian.
+def row_offsets(image: Grey, v: Rows, u: FloatArray, templates: Templates) -> RowOffsets:
+    """Take one Newton step in each row to the stationary point of the correlation with a template.
 
-    image (H, W) uint8 contiguous, v (N,) rows, u (N,) columns near the cable, at least
-    TEMPLATE_HALF_PX from the border. A symmetric profile is stationary on its axis for any width,
-    and the template is sampled at the sub-pixel phase: unlike a parabola through three pixels, the
-    result is not biased towards whole or half pixels.
+    image (H, W) uint8 contiguous, v (N,) rows, u (N,) columns near the cable, at least the half
+    width of the template from the border. A symmetric profile is stationary on its axis for any
+    width, and the template is sampled at the sub-pixel phase: unlike a parabola through three
+    pixels, the result is not biased towards whole or half pixels.
     """
     step = np.rint(u * PHASES)
     whole = step.astype(np.intp) + PHASES // 2
     centre = whole // PHASES
-    templates = TEMPLATES.take(whole - centre * PHASES, axis=0)
-    first, second = np.einsum("nj,nkj->kn", _pixels(image, v, centre), templates).astype(np.float64)
+    chosen = templates.pairs.take(whole - centre * PHASES, axis=0)
+    pixels = _pixels(image, v, centre, templates)
+    first, second = np.einsum("nj,nkj->kn", pixels, chosen).astype(np.float64)
     curvature = np.maximum(second, MIN_CURVATURE)
     return RowOffsets(first / curvature + (step / PHASES - u), curvature)
 
 
-def refined_columns(image: Grey, v: Rows, u: Rows) -> FloatArray:
+def refined_columns(image: Grey, v: Rows, u: Rows, templates: Templates) -> FloatArray:
     """Take the Newton step of row_offsets from whole pixels u (N,), in less time.
 
     Exact to 0.06 px; the step is at most one pixel.
     """
-    first, second = (_pixels(image, v, u) @ TEMPLATES[PHASES // 2].T).T
+    pixels = _pixels(image, v, u, templates)
+    first, second = (pixels @ templates.pairs[PHASES // 2].T).T
     step = np.minimum(np.maximum(first / np.maximum(second, MIN_CURVATURE), -1.0), 1.0)
     return np.asarray(u + step, np.float64)
 
 
-def _pixels(image: Grey, v: Rows, centre: Rows) -> np.ndarray[Any, np.dtype[np.float32]]:
-    """Gather the (N, TAPS) pixels around columns centre (N,) of rows v (N,)."""
-    first = v * image.shape[1] + (centre - TEMPLATE_HALF_PX)
-    return pixel_runs(image, first, TAPS).astype(np.float32)
+def _pixels(
+    image: Grey, v: Rows, centre: Rows, templates: Templates
+) -> np.ndarray[Any, np.dtype[np.float32]]:
+    """Gather the (N, taps) pixels around columns centre (N,) of rows v (N,)."""
+    first = v * image.shape[1] + (centre - templates.half_px)
+    return pixel_runs(image, first, templates.taps).astype(np.float32)
 
 
 def coarse_line(
@@ -132,77 +116,93 @@ def coarse_line(
     The Geman-McClure weights, with decreasing scale, are multiplied by weight (N,).
     """
     offset = u - start.at(v)
-    moments = _moments(v, offset)
-    residual = offset - _median(offset)
-    line = ImageLine(0.0, 0.0)
+    basis = np.stack([np.ones_like(v), v])
+    residual = offset - median(offset)
+    found = np.zeros(2)
     for scale in COARSE_SCALES_PX:
-        line = _solve(moments, weight / np.square(1.0 + np.square(residual / scale)))
-        residual = offset - line.at(v)
-    return _add(start, line)
+        found = _solve(basis, offset, weight / np.square(1.0 + np.square(residual / scale)))
+        residual = offset - found @ basis
+    return ImageLine(start.intercept_px + float(found[0]), start.slope + float(found[1]))
 
 
-def huber_line(v: FloatArray, offsets: RowOffsets, start: ImageLine) -> LineFit:
-    """Fit a Huber line by reweighted least squares at rows v (N,), N >= MIN_ROWS.
+def huber_fit(basis: FloatArray, offsets: RowOffsets) -> AxisFit:
+    """Fit a linear combination of basis (P, N), P = 2 or 3, to offsets (N,), N >= MIN_ROWS.
 
-    start is a robust line. The weight of a row is its curvature squared, as in a Gauss-Newton step
-    on the image.
+    Reweighted least squares (Huber), from the assumed axis, which is robust. The weight of a row is
+    its curvature squared, as in a Gauss-Newton step on the image.
     """
     offset, curvature = offsets
-    moments = _moments(v, offset)
     precision = curvature * curvature
-    line = ImageLine(0.0, 0.0)
+    found = np.zeros(len(basis))
     residual = offset
     threshold = 0.0
     min_threshold = MIN_SCALE_PX * float(curvature.max())
     distance = np.abs(offset) * curvature  # proportional to the distance in sigmas
     for _ in range(HUBER_ITERATIONS):
-        threshold = max(HUBER_SIGMAS * SIGMA_PER_MAD * _median(distance), min_threshold)
+        threshold = max(HUBER_SIGMAS * SIGMA_PER_MAD * median(distance), min_threshold)
         # least squares up to the threshold, absolute values beyond
-        line = _solve(moments, precision / np.maximum(distance, threshold))
-        residual = offset - line.at(v)
+        found = _solve(basis, offset, precision / np.maximum(distance, threshold))
+        residual = offset - found @ basis
         distance = np.abs(residual) * curvature
-    near = distance <= 3.0 / HUBER_SIGMAS * threshold
-    rows = int(np.count_nonzero(near))
-    return _with_scatter(_add(start, line), moments, residual, precision * near, rows)
+    is_near = distance <= 3.0 / HUBER_SIGMAS * threshold
+    rows = int(np.count_nonzero(is_near))
+    used = precision * is_near
+    total = float(used.sum())
+    squares = float(used @ np.square(residual))
+    inverse = _inverse(_moments(basis, used))
+    variance = squares / max(rows - len(basis), 1)
+    return AxisFit(
+        found,
+        is_near,
+        rows,
+        math.sqrt(squares / total),
+        variance * inverse,
+        math.sqrt(total / max(rows, 1)),
+        residual,
+    )
 
 
-def _add(a: ImageLine, b: ImageLine) -> ImageLine:
-    return ImageLine(a.intercept_px + b.intercept_px, a.slope + b.slope)
+def correlation_factor(residual_px: FloatArray) -> float:
+    """Estimate how much the correlation of rows raises the variance of a fitted line, >= 0.
 
-
-def _with_scatter(
-    line: ImageLine, moments: FloatArray, residual: FloatArray, precision: FloatArray, rows: int
-) -> LineFit:
-    """Compute the scatter of the rows about a line.
-
-    sigma_slope^2 = (scatter^2 per unit weight) / (weighted spread of the rows).
+    residual_px: (N,) of neighbouring rows. The variance of means of BLOCK_ROWS rows over that of
+    independent rows; about 1 for white noise, 1 + 2 sum rho in general.
     """
-    total, first, second, _, _ = (moments @ precision).tolist()
-    squares = float(precision @ np.square(residual))
-    spread = max(second - first * first / total, 1e-9)
-    sigma_slope = math.sqrt(squares / max(rows - 2, 1) / spread)
-    return LineFit(line, rows, math.sqrt(squares / total), sigma_slope, math.sqrt(total / rows))
+    blocks = len(residual_px) // BLOCK_ROWS
+    if blocks < 4:
+        return 1.0
+    parts = residual_px[: blocks * BLOCK_ROWS].reshape(blocks, BLOCK_ROWS)
+    whole = float(np.dot(residual_px, residual_px)) / len(residual_px)
+    means = parts.mean(axis=1)
+    if whole <= 0.0:
+        return 1.0
+    return float(BLOCK_ROWS * np.dot(means, means) / (blocks * whole))
 
 
-def _moments(v: FloatArray, y: FloatArray) -> FloatArray:
-    """Compute (5, N): 1, v, v^2, y, v y; their weighted sums give the least squares line."""
-    moments = np.empty((5, len(v)))
-    moments[0] = 1.0
-    moments[1] = v
-    moments[3] = y
-    np.multiply(v, v, out=moments[2])
-    np.multiply(v, y, out=moments[4])
-    return moments
+def _moments(basis: FloatArray, weight: FloatArray) -> FloatArray:
+    return np.asarray((basis * weight) @ basis.T)
 
 
-def _solve(moments: FloatArray, weight: FloatArray) -> ImageLine:
-    """Solve the weighted least squares of a line y over v."""
-    s0, s1, s2, y0, y1 = (moments @ weight).tolist()
-    determinant = s0 * s2 - s1 * s1
-    return ImageLine((s2 * y0 - s1 * y1) / determinant, (s0 * y1 - s1 * y0) / determinant)
+def _solve(basis: FloatArray, y: FloatArray, weight: FloatArray) -> FloatArray:
+    """Solve the weighted least squares of y (N,) over basis (P, N)."""
+    weighted = basis * weight
+    return np.asarray(_inverse(weighted @ basis.T) @ (weighted @ y))
 
 
-def _median(x: FloatArray) -> float:
+def _inverse(a: FloatArray) -> FloatArray:
+    """Invert a symmetric matrix of two or three rows; LAPACK takes three times as long."""
+    if len(a) == 2:
+        (p, q), (_, r) = a.tolist()
+        scale = 1.0 / max(p * r - q * q, 1e-300)
+        return np.array([[r * scale, -q * scale], [-q * scale, p * scale]])
+    (p, q, r), (_, s, t), (_, _, w) = a.tolist()
+    x, y, z = s * w - t * t, r * t - q * w, q * t - r * s
+    scale = 1.0 / (p * x + q * y + r * z)
+    m, n, k = p * w - r * r, q * r - p * t, p * s - q * q
+    return np.array([[x, y, z], [y, m, n], [z, n, k]]) * scale
+
+
+def median(x: FloatArray) -> float:
     """Compute the upper median to seven digits.
 
     Sorting some hundred single-precision numbers takes a ninth of the time of np.median.

@@ -1,9 +1,8 @@
-"""Cable tracker: angle of a thin dark cable before a bright screen, from one image.
+"""Cable tracker: angle of a dark cable before a bright screen, from one image.
 
-With a prediction: Newton steps of every row from the predicted line; if the rows do not agree, a
-fit in the strip around it. Without a prediction, or if the strip gives no line: a search of the
-whole image, then the same steps from the line found. The result is a line with free intercept; the
-predicted pivot only selects which line is the cable.
+With a prediction: Newton steps of every row from the predicted axis. Without a prediction, or if
+the rows do not agree: a search of the whole image, then the same steps from the line found. The
+result is a line with free intercept; the predicted pivot only selects which line is the cable.
 """
 
 from __future__ import annotations
@@ -12,54 +11,32 @@ import enum
 import math
 import operator
 from dataclasses import dataclass
+from typing import NamedTuple
 
-import cv2
 import numpy as np
 
+from vision.axis import Axis, AxisFitter, MeasuredAxis
 from vision.errors import VisionError
-from vision.line_fit import (
-    FIRST_NORM,
-    MIN_ROWS,
-    SECOND_NORM,
-    TEMPLATE_HALF_PX,
-    FloatArray,
-    Grey,
-    ImageLine,
-    LineFit,
-    RowOffsets,
-    Rows,
-    coarse_line,
-    huber_line,
-    pixel_runs,
-    refined_columns,
-    row_offsets,
-)
-from vision.ridge import (
-    CLEAR_ROWS,
-    FLANK_PX,
-    SLOPE_LIMIT,
-    Levels,
-    grey_levels,
-    line_response,
-    search,
-)
+from vision.finder import Finder, Found
+from vision.line_fit import MIN_ROWS, Grey, ImageLine
+from vision.profile_look import measure_look
+from vision.ridge import CLEAR_ROWS, Levels, grey_levels
+from vision.rivals import RivalWatch
+from vision.static_scene import StaticScene
+from vision.templates import CableLook
 
-STRIP_PX = 40  # the cable may be 14 px from the prediction: 27 mrad at the bottom of the image
-ROW_GROUP = np.arange(4)  # the coarse line uses one row in four, the fit all of them
-MIN_RESPONSE_SIGMAS = 3.0  # line response of a dark pixel; noise exceeds it in 1 of 1,000 pixels
-MIN_CURVATURE_SIGMAS = 3.0  # a row with less curvature shows no cable
-MAX_COARSE_PX = 3.0  # distance of a row from the coarse line; a wide cable is flat in its middle
-BORDER_PX = TEMPLATE_HALF_PX + len(ROW_GROUP)  # columns of template and row group at 45 degrees
-NEWTON_STEPS = 2  # of all rows; without convergence the strip is used
+SEARCH_SCALES = (1, 2, 4, 8)  # a cable of some 2, 5, 10 and 20 px is 3 px wide at these
+NEWTON_STEPS = 3  # of all rows
 CONVERGED_PX = 0.15  # a last step shorter than this leaves an error below 0.001 px
-MIN_DIRECT_SHARE = 0.9  # of the rows below the pivot; they must agree on the line
-MAX_NEWTON_PX = 1.5  # beyond, the template covers another slope of the profile
+MIN_DIRECT_SHARE = 0.9  # of the rows below the pivot; they must agree while following
 MAX_PIVOT_MISS_PX = 5.0  # a line farther from the predicted pivot is not the cable
 MIN_ROWS_SHARE = 0.12  # of the image height; fewer rows are too short for a slope
 # a fit is poor if its scatter exceeds both
 MAX_SCATTER_PX = 0.3
 MAX_SCATTER_SIGMAS = 3.0  # of the noise
 MIN_SIZE_PX = 64
+LOOK_CHANGE_REL = 0.15  # a template that differs less is kept
+FACTOR_WEIGHT = 0.1  # of the newest frame in the mean correlation of the rows
 # weights of the last angles in the predicted one, newest first, by the number of angles
 EXTRAPOLATION_WEIGHTS = ((), (1.0,), (2.0, -1.0), (3.0, -3.0, 1.0))
 
@@ -74,6 +51,15 @@ class TrackFailure(enum.Enum):
     AMBIGUOUS = "ambiguous"
     POOR_FIT = "poor_fit"
     BAD_IMAGE = "bad_image"
+    STATIC = "static"
+
+
+class LowerLink(NamedTuple):
+    """Second link, below the joint that is in the picture."""
+
+    angle_rad: float
+    sigma_rad: float
+    joint_px: tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,13 +67,20 @@ class Fit:
     """Result of one image. The angle is absent unless valid; a rejected line keeps its facts."""
 
     angle_rad: float | None = None  # atan(du/dv): positive = lower end to the right
-    sigma_rad: float | None = None  # one standard deviation, from the scatter of the rows
+    # one standard deviation, from the scatter of the rows and their correlation
+    sigma_rad: float | None = None
     reason: TrackFailure = TrackFailure.NONE
     rows: int = 0  # number of rows in the fit
-    residual_px: float | None = None  # rms distance of those rows from the line
+    residual_px: float | None = None  # rms distance of those rows from the axis
     pivot_miss_px: float | None = None  # line minus predicted pivot, along x, at the pivot's row
     background: float = 0.0  # median grey level, 0..255
     saturation: float = 0.0  # share of pixels at 255
+    line_px: tuple[float, float] | None = None  # column at row 0, columns per row
+    first_row: int = 0  # of the rows in the fit
+    last_row: int = 0
+    bend_px: float = 0.0  # distance of the middle of the axis from the chord, positive to the right
+    sigma_bend_px: float = 0.0
+    lower: LowerLink | None = None
 
     @property
     def valid(self) -> bool:
@@ -96,9 +89,19 @@ class Fit:
 
 
 class Tracker:
-    """Tracker of the cable in images of one size; predicts its angle from the last three."""
+    """Tracker of the cable in images of one size; predicts its angle from the last three.
 
-    def __init__(self, width: int, height: int) -> None:
+    look: width and blur of the cable; measured in the first image that shows it if None. static:
+    what never moves in the pictures, which is not taken for the cable.
+    """
+
+    def __init__(
+        self,
+        width: int,
+        height: int,
+        look: CableLook | None = None,
+        static: StaticScene | None = None,
+    ) -> None:
         if min(width, height) < MIN_SIZE_PX:
             raise VisionError(
                 f"picture of {width} x {height} px; must be at least {MIN_SIZE_PX} x {MIN_SIZE_PX} "
@@ -106,20 +109,25 @@ class Tracker:
             )
         self.width = width
         self.height = height
-        self._all_rows = np.arange(height)
-        self._group_rows = np.arange(0, height - len(ROW_GROUP) + 1, len(ROW_GROUP))
-        self._groups = np.arange(len(self._group_rows))
-        # weights over the strip: of two equal responses the nearer one wins, and the flanks of the
-        # line filter stay in the strip
-        distance = np.abs(np.arange(STRIP_PX) - STRIP_PX // 2)
-        inside = distance <= STRIP_PX // 2 - FLANK_PX - 1
-        weight = np.clip(255 - 6 * distance, 0, 255) * inside
-        self._strip_weight = np.tile(weight.astype(np.uint8), (len(self._group_rows), 1))
+        self._is_look_known = look is not None
+        self._fitter = AxisFitter(width, height, look or CableLook(), static)
+        self._static = static
+        scales = [s for s in SEARCH_SCALES if min(width, height) >= s * MIN_SIZE_PX]
+        self._finders = {s: Finder(width, height, s) for s in scales}
+        self._scales = scales
+        self._rivals = RivalWatch(width, height)
+        self._factor = 1.0  # of the variance, by the correlation of the rows
         self.forget()
+
+    @property
+    def look(self) -> CableLook:
+        """Width and blur of the templates in use."""
+        return self._fitter.look
 
     def forget(self) -> None:
         """Clear the angle history; the next image is searched as a whole."""
         self._angles_rad: tuple[float, ...] = ()  # newest first
+        self._axis: Axis | None = None  # the last one
         self._pivot_miss_px = 0.0
 
     def measure(
@@ -128,8 +136,8 @@ class Tracker:
         """Measure the angle of the cable in image (height, width) uint8.
 
         pivot_px: predicted upper end (u, v) of the cable. Without predicted_angle_rad the last
-        three angles are extrapolated at constant acceleration, the last two after a prediction
-        miss at constant velocity. Never raises: an image of another size or type is BAD_IMAGE.
+        three angles are extrapolated at constant acceleration. Never raises: an image of another
+        size or type is BAD_IMAGE.
         """
         if image.shape != (self.height, self.width) or image.dtype != np.uint8:
             self.forget()
@@ -137,20 +145,23 @@ class Tracker:
         image = np.ascontiguousarray(image)
         levels = grey_levels(image)
         predicted = self._predict(pivot_px, predicted_angle_rad)
-        fit = self._fit_near(image, levels, predicted, pivot_px) if predicted else None
+        fit = None
+        if predicted is not None:
+            fit = self._follow(image, levels, predicted, pivot_px)
         if fit is None or not fit.valid:
             fit = self._search(image, levels, pivot_px)
         self._store(fit)
         return fit
 
-    def _predict(self, pivot_px: tuple[float, float], angle_rad: float | None) -> ImageLine | None:
+    def _predict(self, pivot_px: tuple[float, float], angle_rad: float | None) -> Axis | None:
         if angle_rad is None:
             if not self._angles_rad:
                 return None
             weights = EXTRAPOLATION_WEIGHTS[len(self._angles_rad)]
             angle_rad = sum(map(operator.mul, self._angles_rad, weights))
         slope = math.tan(angle_rad)
-        return ImageLine(pivot_px[0] + self._pivot_miss_px - slope * pivot_px[1], slope)
+        line = ImageLine(pivot_px[0] + self._pivot_miss_px - slope * pivot_px[1], slope)
+        return Axis(line) if self._axis is None else self._axis._replace(line=line)
 
     def _store(self, fit: Fit) -> None:
         if fit.angle_rad is None or fit.pivot_miss_px is None:
@@ -159,121 +170,148 @@ class Tracker:
         self._angles_rad = (fit.angle_rad, *self._angles_rad[:2])
         self._pivot_miss_px = fit.pivot_miss_px
 
-    def _search(self, image: Grey, levels: Levels, pivot_px: tuple[float, float]) -> Fit:
-        candidate = search(image, pivot_px, MIN_RESPONSE_SIGMAS * levels.noise)
-        if candidate is None:
-            flat = int(image.min()) == int(image.max())
-            return _failed(TrackFailure.BAD_IMAGE if flat else TrackFailure.NO_CABLE, levels)
-        fit = self._fit_near(image, levels, candidate.line, pivot_px)
-        if fit.valid and candidate.ambiguous:
+    def _follow(
+        self, image: Grey, levels: Levels, axis: Axis, pivot_px: tuple[float, float]
+    ) -> Fit | None:
+        """Fit the cable from a predicted axis; None if the rows do not agree on one."""
+        measured = self._refine(image, levels, axis, pivot_px, MIN_DIRECT_SHARE)
+        if measured is None:
+            return None
+        fit = self._check(measured, levels, pivot_px)
+        if fit.valid and self._rivals.is_rivalled(image, levels, measured, pivot_px, self._static):
             return _failed(TrackFailure.AMBIGUOUS, levels)
         return fit
 
-    def _fit_near(
-        self, image: Grey, levels: Levels, near: ImageLine, pivot_px: tuple[float, float]
-    ) -> Fit:
-        """Fit the cable from a line near it; in the strip around it if the direct fit fails."""
-        fit = self._fit_direct(image, levels, near, pivot_px)
-        if fit and fit.valid:
-            return fit
-        # drop the acceleration history after a prediction miss
-        self._angles_rad = self._angles_rad[:1]
-        return self._fit_strip(image, levels, near, pivot_px)
+    def _refine(
+        self,
+        image: Grey,
+        levels: Levels,
+        axis: Axis,
+        pivot_px: tuple[float, float],
+        min_share: float,
+    ) -> MeasuredAxis | None:
+        """Take Newton steps of the rows below the pivot from an assumed axis.
 
-    def _fit_direct(
-        self, image: Grey, levels: Levels, line: ImageLine, pivot_px: tuple[float, float]
-    ) -> Fit | None:
-        """Take Newton steps of every row from line; None without convergence of nearly all rows."""
-        v = self._all_rows[max(0, math.floor(pivot_px[1]) + CLEAR_ROWS + 1) :]
-        if len(v) < MIN_ROWS:
-            return None
-        top = float(v[0])
-        bottom = self.height - 1.0
-        for _ in range(NEWTON_STEPS):
-            ends = line.at(top), line.at(bottom)
-            if not BORDER_PX < min(ends) <= max(ends) < self.width - 1 - BORDER_PX:
-                return None
-            fit = self._fit_rows(image, levels, v, line)
-            if fit is None or fit.rows < MIN_DIRECT_SHARE * len(v):
-                return None
-            moved = abs(fit.line.at(top) - ends[0]), abs(fit.line.at(bottom) - ends[1])
-            if max(moved) < CONVERGED_PX:
-                return self._check(fit, levels, pivot_px)
-            line = fit.line
-        return None
-
-    def _fit_strip(
-        self, image: Grey, levels: Levels, near: ImageLine, pivot_px: tuple[float, float]
-    ) -> Fit:
-        """Fit a coarse line to the darkest points of the strip, then take a Newton step."""
-        v, u = self._dark_points(image, near, pivot_px[1], MIN_RESPONSE_SIGMAS * levels.noise)
-        if len(v) < MIN_ROWS:
-            return _failed(TrackFailure.NO_CABLE, levels)
-        line = coarse_line(v.astype(np.float64), u, near)
-        if abs(line.slope) > SLOPE_LIMIT:
-            return _failed(TrackFailure.NO_CABLE, levels)
-        x = line.at(v)
-        inside = (x > BORDER_PX) & (x < self.width - 1 - BORDER_PX)
-        close = (np.abs(u - x) < MAX_COARSE_PX) & inside
-        fit = self._fit_rows(image, levels, (v[close, None] + ROW_GROUP).ravel(), line)
-        if fit is None:
-            return _failed(TrackFailure.FEW_ROWS, levels)
-        return self._check(fit, levels, pivot_px)
-
-    def _fit_rows(self, image: Grey, levels: Levels, v: Rows, line: ImageLine) -> LineFit | None:
-        """Take a Newton step in rows v (N,) from line; None if too few rows show a cable."""
-        offset_px, curvature = row_offsets(image, v, line.at(v))
-        min_curvature = MIN_CURVATURE_SIGMAS * SECOND_NORM * levels.noise
-        good = (np.abs(offset_px) < MAX_NEWTON_PX) & (curvature > min_curvature)
-        count = np.count_nonzero(good)
-        if count < MIN_ROWS:
-            return None
-        if count < len(v):
-            v = v[good]
-            offset_px = offset_px[good]
-            curvature = curvature[good]
-        return huber_line(v.astype(np.float64), RowOffsets(offset_px, curvature), line)
-
-    def _dark_points(
-        self, image: Grey, near: ImageLine, pivot_v: float, threshold: float
-    ) -> tuple[Rows, FloatArray]:
-        """Find the thin dark points of the strip: rows (N,) and columns (N,) to 0.1 px.
-
-        At most one point in each group of four rows.
+        None if fewer than a share of the rows agree.
         """
-        start = np.rint(near.at(self._group_rows)).astype(np.intp) - STRIP_PX // 2
-        start = np.minimum(np.maximum(start, 0), self.width - STRIP_PX)
-        strip = pixel_runs(image, self._group_rows * self.width + start, STRIP_PX)
-        response = line_response(strip.reshape(1, -1)).reshape(self._strip_weight.shape)
-        weighted = cv2.multiply(response, self._strip_weight, scale=1.0 / 255.0)
-        column = weighted.argmax(axis=1)
-        below = self._group_rows > pivot_v + CLEAR_ROWS
-        dark = (weighted[self._groups, column] > threshold) & below
-        v = self._group_rows[dark]
-        u = (start + column)[dark]
-        return v, refined_columns(image, v, u)
+        first_row = max(0, math.floor(pivot_px[1]) + CLEAR_ROWS + 1)
+        rows = self.height - first_row
+        measured = None
+        for _ in range(NEWTON_STEPS):
+            measured = self._fitter.measure(image, levels.noise, axis, first_row)
+            if measured is None or measured.rows < min_share * min(rows, measured.visible_rows):
+                return None
+            moved_px = measured.moved_px
+            axis = measured.axis
+            if moved_px < CONVERGED_PX:
+                break
+        return measured
 
-    def _check(self, fit: LineFit, levels: Levels, pivot_px: tuple[float, float]) -> Fit:
-        miss_px = fit.line.at(pivot_px[1]) - pivot_px[0]
-        noise_px = levels.noise * FIRST_NORM / fit.curvature
+    def _search(self, image: Grey, levels: Levels, pivot_px: tuple[float, float]) -> Fit:
+        """Search the whole image, at the scale of the cable first."""
+        seen = image if self._static is None else self._static.without(image)
+        best: Fit | None = None
+        for scale in self._scales:
+            found = self._finders[scale].find(seen, pivot_px, levels)
+            if found is None:
+                continue
+            fit = self._fit_found(image, levels, found, pivot_px, scale)
+            if fit.valid:
+                self._scales = [scale, *(s for s in self._scales if s != scale)]
+                return fit
+            best = best or fit
+        if best is not None:
+            return best
+        flat = int(image.min()) == int(image.max())
+        return _failed(TrackFailure.BAD_IMAGE if flat else TrackFailure.NO_CABLE, levels)
+
+    def _fit_found(
+        self, image: Grey, levels: Levels, found: Found, pivot_px: tuple[float, float], scale: int
+    ) -> Fit:
+        if not self._is_look_known:
+            self._learn_look(image, found, scale)
+        measured = self._refine(image, levels, Axis(found.line), pivot_px, 0.0)
+        fit = self._checked(measured, levels, pivot_px)
+        if not fit.valid:
+            bent = self._fitter.shape(found)
+            again = None if bent is None else self._refine(image, levels, bent, pivot_px, 0.0)
+            other = self._checked(again, levels, pivot_px)
+            fit = other if other.valid else fit
+            measured = again if other.valid else measured
+        if not fit.valid or measured is None:
+            return fit
+        if not self._is_look_known:
+            self._is_look_known = self._learn_look(image, found, scale)
+        is_rivalled = self._rivals.is_rivalled(image, levels, measured, pivot_px, self._static)
+        if found.ambiguous or is_rivalled:
+            return _failed(TrackFailure.AMBIGUOUS, levels)
+        return fit
+
+    def _learn_look(self, image: Grey, found: Found, scale: int) -> bool:
+        """Measure width and blur around a line, and change the templates; False if unclear."""
+        guess = CableLook(2.5 * scale, max(0.85, 0.5 * scale))
+        line = found.line
+        look = measure_look(image, found.rows_px, line.at(found.rows_px), line.slope, guess)
+        if look is None:
+            return False
+        now = self._fitter.look
+        changes = (abs(a / b - 1.0) for a, b in zip(look, now, strict=True))
+        if max(changes) > LOOK_CHANGE_REL:
+            self._fitter.change_look(look)
+        return True
+
+    def _checked(
+        self, measured: MeasuredAxis | None, levels: Levels, pivot_px: tuple[float, float]
+    ) -> Fit:
+        if measured is None:
+            return _failed(TrackFailure.FEW_ROWS, levels)
+        return self._check(measured, levels, pivot_px)
+
+    def _check(self, measured: MeasuredAxis, levels: Levels, pivot_px: tuple[float, float]) -> Fit:
+        line = measured.axis.line
+        miss_px = line.at(pivot_px[1]) - pivot_px[0]
+        noise_px = levels.noise * self._fitter.first_norm / measured.curvature
         reason = TrackFailure.NONE
         if abs(miss_px) > MAX_PIVOT_MISS_PX:
             reason = TrackFailure.PIVOT_MISSED
-        elif fit.rows < MIN_ROWS_SHARE * self.height:
+        elif measured.rows < max(MIN_ROWS, MIN_ROWS_SHARE * self.height):
             reason = TrackFailure.FEW_ROWS
-        elif fit.scatter_px > max(MAX_SCATTER_PX, MAX_SCATTER_SIGMAS * noise_px):
+            if measured.static_rows > measured.rows:
+                reason = TrackFailure.STATIC
+        elif measured.scatter_px > max(MAX_SCATTER_PX, MAX_SCATTER_SIGMAS * noise_px):
             reason = TrackFailure.POOR_FIT
         valid = reason is TrackFailure.NONE
+        if valid:
+            self._axis = measured.axis
+            self._factor += FACTOR_WEIGHT * (measured.correlation_factor - self._factor)
+        flat = 1.0 + line.slope**2
+        sigma_rad = measured.sigma_slope * math.sqrt(max(1.0, self._factor)) / flat
         return Fit(
-            angle_rad=math.atan(fit.line.slope) if valid else None,
-            sigma_rad=fit.sigma_slope / (1.0 + fit.line.slope**2) if valid else None,
+            angle_rad=math.atan(line.slope) if valid else None,
+            sigma_rad=sigma_rad if valid else None,
             reason=reason,
-            rows=fit.rows,
-            residual_px=fit.scatter_px,
+            rows=measured.rows,
+            residual_px=measured.scatter_px,
             pivot_miss_px=miss_px,
             background=levels.background,
             saturation=levels.saturation,
+            line_px=(line.intercept_px, line.slope),
+            first_row=measured.first_row,
+            last_row=measured.last_row,
+            bend_px=measured.bend_px,
+            sigma_bend_px=measured.sigma_bend_px,
+            lower=_lower_link(measured) if valid else None,
         )
+
+
+def _lower_link(measured: MeasuredAxis) -> LowerLink | None:
+    axis = measured.axis
+    if axis.knee_row is None:
+        return None
+    slope = axis.line.slope + axis.knee_slope
+    sigma_rad = measured.sigma_lower_slope / (1.0 + slope**2)
+    joint = (axis.line.at(axis.knee_row), axis.knee_row)
+    return LowerLink(math.atan(slope), sigma_rad, joint)
 
 
 def _failed(reason: TrackFailure, levels: Levels) -> Fit:

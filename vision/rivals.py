@@ -1,0 +1,77 @@
+"""Watch for a second line through the pivot, which could be the cable as well."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vision.axis import MeasuredAxis
+from vision.line_fit import Grey
+from vision.ridge import CLEAR_ROWS, FLANK_PX, Levels, line_response
+from vision.static_scene import StaticScene
+
+ROWS = 16  # looked at in each picture
+MIN_SHARE = 0.6  # of these rows with a rival on one line
+CLEAR_PX = 8.0  # beside the cable
+RESPONSE_SHARE = 0.5  # of the response of the cable itself
+MIN_RESPONSE_SIGMAS = 4.0
+BINS_PER_SLOPE = 48.0  # a line 5 px off the pivot stays in two neighbouring bins
+MEMORY_FRAMES = 50  # in which a line that was seen may hide behind the cable
+
+
+class RivalWatch:
+    """Rivals of the cable in pictures of one size."""
+
+    def __init__(self, width: int, height: int) -> None:
+        self._width = width
+        self._height = height
+        self._since = MEMORY_FRAMES  # pictures since the last rival
+
+    def is_rivalled(
+        self,
+        image: Grey,
+        levels: Levels,
+        measured: MeasuredAxis,
+        pivot_px: tuple[float, float],
+        static: StaticScene | None,
+    ) -> bool:
+        """Tell if there is, or was a moment ago, another line as dark through the pivot."""
+        if self._sees_rival(image, levels, measured, pivot_px, static):
+            self._since = 0
+            return True
+        self._since += 1
+        return self._since < MEMORY_FRAMES and static is None
+
+    def _sees_rival(
+        self,
+        image: Grey,
+        levels: Levels,
+        measured: MeasuredAxis,
+        pivot_px: tuple[float, float],
+        static: StaticScene | None,
+    ) -> bool:
+        first = max(measured.first_row, int(pivot_px[1]) + CLEAR_ROWS + 40)
+        if measured.last_row - first < ROWS:
+            return False
+        rows = np.linspace(first, measured.last_row, ROWS).astype(np.intp)
+        picture = np.ascontiguousarray(image[rows])
+        if static is not None:
+            still = np.ascontiguousarray(static.picture[rows])
+            picture = 255 - np.where(still > picture, still - picture, 0).astype(np.uint8)
+        response = line_response(picture).reshape(ROWS, self._width)
+        own = np.rint(measured.axis.line.at(rows.astype(np.float64))).astype(np.intp)
+        own = np.minimum(np.maximum(own, 0), self._width - 1)
+        strength = float(np.median(response[np.arange(ROWS), own]))
+        limit = max(RESPONSE_SHARE * strength, MIN_RESPONSE_SIGMAS * levels.noise)
+        row, column = np.nonzero(response > limit)
+        clear = np.abs(column - own[row]) > CLEAR_PX
+        clear &= (column >= FLANK_PX) & (column < self._width - FLANK_PX)
+        row, column = row[clear], column[clear]
+        if row.size < MIN_SHARE * ROWS:
+            return False
+        slope = (column - pivot_px[0]) / (rows[row] - pivot_px[1])
+        near = np.abs(slope) < 1.0
+        bins = ((slope[near] + 1.0) * BINS_PER_SLOPE).astype(np.intp)
+        # each row counts once in a bin
+        votes = np.unique(bins * ROWS + row[near]) // ROWS
+        count = np.bincount(votes, minlength=2)
+        return int((count[1:] + count[:-1]).max()) >= MIN_SHARE * ROWS
