@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from typing import NamedTuple
 
@@ -17,13 +18,17 @@ from comms.messages import (
     LinkAngle,
     Message,
     Phase,
+    Position,
     RobotState,
     SwingPlane,
+    Velocity,
 )
 from comms.replies import Replies
 from comms.task import NO_STEP, Send, Step
+from vision.cable_geometry import CableGeometry, ModelGeometry, TableGeometry
+from vision.camera_model import CameraParameters, SeenLine
 from vision.filters import MovingAverage
-from vision.geometry import PivotModel, pitched_camera
+from vision.geometry import PivotModel
 from vision.offset_table import LightOffsets, Offset, OffsetTable
 from vision.ridge import grey_levels
 from vision.sources import red_plane
@@ -31,6 +36,7 @@ from vision.tracker import Fit, Tracker
 
 MAX_PLATFORM_SAMPLES = 32  # 320 ms at 100 Hz, the time of 16 frames at 50 Hz
 NS_PER_S = 1e9
+HOME_M = (0.0, 0.0, 0.0)
 MAX_GAP_PERIODS = 1.5  # between two time stamps; beyond, a frame is missing
 
 
@@ -52,22 +58,24 @@ class VisionSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
     background: float | None = None  # level of the screen at these offsets
     lights: list[LightOffsets] = []  # offsets at the same positions in other light
     camera_distance_m: float | None = None  # from the camera to the plane of the swing
+    # in place of pivot, scale and distance; the offsets are then those that it leaves
+    model: CameraParameters | None = None
     average_frames: int = 3
     processing_ns: int = 2_000_000  # from the arrival of the frame to the sending of the angle
     max_extrapolation_ns: int = 20_000_000  # of the platform position, from its nearest sample
 
     @property
     def has_angle_scale(self) -> bool:
-        """True if the perspective of the camera is corrected: its offset table has a slope."""
-        return len(self.x_m) > 1
+        """True if the perspective is corrected, by a model or the slope of an offset table."""
+        return self.model is not None or len(self.x_m) > 1
 
 
 class PlatformPoint(NamedTuple):
-    """Position and velocity of the platform on the axis of the swing plane."""
+    """Position and velocity of the platform."""
 
     t_ns: int
-    place_m: float
-    v_m_s: float
+    position_m: Position
+    velocity_m_s: Velocity
 
 
 class VisionTask:
@@ -79,19 +87,12 @@ class VisionTask:
         self._channel = f"angle_{settings.camera}"
         self._axis = 0 if settings.swing_plane is SwingPlane.X else 1  # of a position
         self._tracker = Tracker(settings.width, settings.height)
-        self._pivot = PivotModel(home_px=settings.pivot_home_px, pixels_per_m=settings.pixels_per_m)
+        self._geometry = _geometry(settings, self._axis)
         self._offsets: OffsetTable | None = None
         if settings.x_m or settings.offset_rad:
             self._offsets = OffsetTable(
                 settings.x_m, settings.offset_rad, settings.background, settings.lights
             )
-        self._pitch = pitched_camera(
-            settings.x_m,
-            settings.offset_rad,
-            self._pivot,
-            (settings.width, settings.height),
-            settings.camera_distance_m,
-        )
         max_gap_ns = int(MAX_GAP_PERIODS * settings.period_ns)
         self._average = MovingAverage(settings.average_frames, max_gap_ns)
         self._platform: deque[PlatformPoint] = deque(maxlen=MAX_PLATFORM_SAMPLES)
@@ -128,22 +129,29 @@ class VisionTask:
     def _store_platform(self, state: RobotState) -> None:
         if self._platform and state.t_actual_ns <= self._platform[-1].t_ns:
             return  # older than the newest sample
-        place_m = state.actual_m[self._axis]
-        v_m_s = state.actual_velocity_m_s[self._axis]
-        self._platform.append(PlatformPoint(state.t_actual_ns, place_m, v_m_s))
+        point = PlatformPoint(state.t_actual_ns, state.actual_m, state.actual_velocity_m_s)
+        self._platform.append(point)
 
     def _sample(self, frame: Frame, at_ns: int) -> AngleSample:
         middle_ns = frame.t_exposure_start_ns + frame.exposure_ns // 2
-        place_m = self._platform_at(middle_ns)
-        fit, reason = self._measure(frame, place_m)
+        position_m = self._platform_at(middle_ns)
+        pivot_px = (math.nan, math.nan)
+        if position_m is not None:
+            pivot_px = self._geometry.pivot_px(position_m)
+        fit, reason = self._measure(frame, pivot_px)
+        if position_m is None and reason is not InvalidReason.BAD_IMAGE:
+            reason = InvalidReason.NO_PLATFORM
+        place_m = None if position_m is None else position_m[self._axis]
         offset = self._offset_at(place_m or 0.0, fit.background)
         if reason is InvalidReason.NONE and not offset.within:
             reason = InvalidReason.OUT_OF_RANGE
         t_valid_ns = middle_ns
         links: tuple[LinkAngle, ...] = ()
-        if reason is InvalidReason.NONE and fit.angle_rad is not None and fit.sigma_rad is not None:
-            t_ns = middle_ns + self._readout_delay_ns(frame)
-            true = self._pitch.true_angle(fit.angle_rad, offset.offset_rad, place_m or 0.0)
+        is_valid = reason is InvalidReason.NONE and position_m is not None
+        if is_valid and fit.angle_rad is not None and fit.sigma_rad is not None:
+            line = _seen_line(fit, fit.angle_rad, pivot_px, frame.height)
+            t_ns = middle_ns + _readout_delay_ns(frame, line)
+            true = self._geometry.true_angle(line, offset.offset_rad, position_m or HOME_M)
             mean = self._average.add(t_ns, true.angle_rad, true.gain * fit.sigma_rad)
             t_valid_ns = mean.t_ns
             cable = LinkAngle(
@@ -151,7 +159,7 @@ class VisionTask:
                 sigma_rad=mean.sigma_rad,
                 raw_rad=fit.angle_rad,
                 offset_rad=fit.angle_rad - true.angle_rad,
-                joint_px=self._joint_px(place_m or 0.0, fit),
+                joint_px=(line.column_px, line.row_px),
             )
             links = (cable,)
         else:
@@ -173,13 +181,11 @@ class VisionTask:
             links=links,
         )
 
-    def _joint_px(self, place_m: float, fit: Fit) -> tuple[float, float]:
-        """Locate the upper end of the cable: on the fitted line, in the row of the pivot."""
-        column_px, row_px = self._pivot.pivot_px(place_m)
-        return column_px + (fit.pivot_miss_px or 0.0), row_px
+    def _measure(self, frame: Frame, pivot_px: tuple[float, float]) -> tuple[Fit, InvalidReason]:
+        """Measure the angle of a frame; the tracker restarts after a frame it cannot use.
 
-    def _measure(self, frame: Frame, place_m: float | None) -> tuple[Fit, InvalidReason]:
-        """Measure the angle of a frame; the tracker restarts after a frame it cannot use."""
+        A pivot of NaN, of a platform that is unknown or behind the camera, gives the levels alone.
+        """
         shape: tuple[int, ...] = self._settings.height, self._settings.width
         if frame.encoding == "bgr8":
             shape = (*shape, 3)
@@ -187,16 +193,16 @@ class VisionTask:
             self._tracker.forget()
             return Fit(), InvalidReason.BAD_IMAGE
         red = red_plane(frame.pixels)
-        if place_m is None:
+        if not all(map(math.isfinite, pivot_px)):
             self._tracker.forget()
             levels = grey_levels(red)
             fit = Fit(background=levels.background, saturation=levels.saturation)
-            return fit, InvalidReason.NO_PLATFORM
-        fit = self._tracker.measure(red, self._pivot.pivot_px(place_m))
+            return fit, InvalidReason.OUT_OF_RANGE
+        fit = self._tracker.measure(red, pivot_px)
         return fit, InvalidReason(fit.reason.value)
 
-    def _platform_at(self, t_ns: int) -> float | None:
-        """Interpolate the place of the platform at t_ns [m].
+    def _platform_at(self, t_ns: int) -> Position | None:
+        """Interpolate the position of the platform at t_ns.
 
         Cubic Hermite between samples, constant velocity outside; None farther than
         max_extrapolation_ns from all samples.
@@ -211,26 +217,58 @@ class VisionTask:
         if before and after:
             return _hermite(before[-1], after[0], t_ns)
         nearest = before[-1] if before else after[0]
-        return nearest.place_m + nearest.v_m_s * (t_ns - nearest.t_ns) / NS_PER_S
+        elapsed_s = (t_ns - nearest.t_ns) / NS_PER_S
+        pairs = zip(nearest.position_m, nearest.velocity_m_s, strict=True)
+        x, y, z = (place + elapsed_s * v for place, v in pairs)
+        return x, y, z
 
     def _offset_at(self, place_m: float, background: float) -> Offset:
         return self._offsets.at(place_m, background) if self._offsets else Offset(0.0, within=True)
 
-    def _readout_delay_ns(self, frame: Frame) -> int:
-        """Compute the delay of the angle after the exposure of row 0, for a rolling shutter [ns].
 
-        row_ns (height - pivot row), to first order.
-        """
-        return round(frame.row_ns * (frame.height - self._settings.pivot_home_px[1]))
+def _geometry(settings: VisionSettings, axis: int) -> CableGeometry:
+    if settings.model is not None:
+        return ModelGeometry(settings.model, settings.height, axis)
+    return TableGeometry(
+        PivotModel(home_px=settings.pivot_home_px, pixels_per_m=settings.pixels_per_m),
+        (settings.x_m, settings.offset_rad),
+        (settings.width, settings.height),
+        axis,
+        settings.camera_distance_m,
+    )
 
 
-def _hermite(a: PlatformPoint, b: PlatformPoint, t_ns: int) -> float:
-    """Evaluate the cubic through both positions and velocities at a.t_ns <= t_ns <= b.t_ns [m]."""
+def _seen_line(fit: Fit, slope_rad: float, pivot_px: tuple[float, float], height: int) -> SeenLine:
+    """Compose the fitted line, with its point in the row of the pivot."""
+    column_px, row_px = pivot_px
+    rows = (fit.first_row, fit.last_row)
+    if fit.last_row <= fit.first_row:  # not given: all rows below the pivot
+        rows = (math.ceil(min(max(row_px, 0.0), height - 2.0)), height - 1)
+    return SeenLine(column_px + (fit.pivot_miss_px or 0.0), row_px, slope_rad, *rows)
+
+
+def _readout_delay_ns(frame: Frame, line: SeenLine) -> int:
+    """Compute the delay of the angle after the exposure of row 0, for a rolling shutter [ns].
+
+    Row y is seen y row_ns later, so that a cable whose slope s changes at the rate s' is seen at
+    x - x_p = (y - y_p)(s + s' y row_ns). The best straight line over the rows y_1 to y_2 of y^2 has
+    the slope y_1 + y_2: the fitted slope is that at the time (y_1 + y_2 - y_p) row_ns.
+    """
+    return round(frame.row_ns * (line.first_row + line.last_row - line.row_px))
+
+
+def _hermite(a: PlatformPoint, b: PlatformPoint, t_ns: int) -> Position:
+    """Evaluate the cubics through both positions and velocities at a.t_ns <= t_ns <= b.t_ns."""
     h = (b.t_ns - a.t_ns) / NS_PER_S
     s = (t_ns - a.t_ns) / NS_PER_S / h
-    rise = b.place_m - a.place_m
-    bend = (1.0 - s) * (h * a.v_m_s - rise) - s * (h * b.v_m_s - rise)
-    return a.place_m + s * rise + s * (1.0 - s) * bend
+    places = []
+    ends = zip(a.position_m, b.position_m, a.velocity_m_s, b.velocity_m_s, strict=True)
+    for first, last, v_first, v_last in ends:
+        rise = last - first
+        bend = (1.0 - s) * (h * v_first - rise) - s * (h * v_last - rise)
+        places.append(first + s * rise + s * (1.0 - s) * bend)
+    x, y, z = places
+    return x, y, z
 
 
 def build(settings: bytes) -> VisionTask:

@@ -19,6 +19,7 @@ class CameraBelief(Section, frozen=True, kw_only=True):
 
     plane: Literal["x", "y"] = "x"  # of the swing that it sees
     calibration: str | None = None
+    camera: str | None = None
     rough_pivot_px: tuple[Pixel, Pixel] | None = None
     rough_pixels_per_m: Scale | None = None
     rate_hz: Annotated[float, Meta(ge=0, le=200)] = 0.0  # 0 = that of [camera]
@@ -28,12 +29,14 @@ class CameraBelief(Section, frozen=True, kw_only=True):
 class VisionSection(Section, frozen=True, kw_only=True):
     """`[vision]`: settings of the tracker.
 
-    calibration: a file, "shipped", or "none" (rough_* are used then). camera_distance_m: from the
-    camera to the plane of the swing; with it the pitch that the calibration shows is corrected to
-    the second order. cameras: in the order of [[bench.cameras]]; without them there is one camera,
-    in the plane x.
+    camera: a file of `rig calibrate camera`, or "none". calibration: a file, "shipped" (with a
+    camera file: no offsets), or "none" (rough_* are used then). camera_distance_m: from the camera
+    to the plane of the swing; with it the pitch that the calibration shows is corrected to the
+    second order. cameras: in the order of [[bench.cameras]]; without them there is one camera, in
+    the plane x.
     """
 
+    camera: str = "none"
     calibration: str = "shipped"
     average_frames: Annotated[int, Meta(ge=1, le=50)] = 3
     processing_ms: Annotated[float, Meta(ge=0, le=1000)] = 2.0
