@@ -157,23 +157,20 @@ class CameraModel:
         intercept = float(rays[:, 0].mean()) - slope * float(rays[:, 1].mean())
         return np.array([1.0, -slope, -intercept])
 
-    def true_angle(self, line: SeenLine, along: int, across_slope: float = 0.0) -> TrueAngle:
-        """Compute the angle of the cable in the plane of the swing.
+    def true_angle(self, line: SeenLine, along: int) -> TrueAngle:
+        """Compute the angle of the cable in the plane of the swing, without a swing across.
 
-        along: axis of that plane, 0 for x and 1 for y. across_slope: tangent of the angle across.
+        along: axis of that plane, 0 for x and 1 for y.
         The cable lies in the plane through the camera and the line; its direction in the plane of
         the swing follows without the place of the platform.
         """
         seen, turned = self.plane(line)
-        slope = _slope(seen, along, across_slope)
-        true_rad = math.atan(slope)
+        true_rad = math.atan(_slope(seen, along))
         step_rad = math.atan(math.tan(line.slope_rad) + SLOPE_STEP) - line.slope_rad
-        gain = abs(math.atan(_slope(turned, along, across_slope)) - true_rad) / step_rad
+        gain = abs(math.atan(_slope(turned, along)) - true_rad) / step_rad
         return TrueAngle(true_rad, gain)
 
 
-def _slope(normal: FloatArray, along: int, across_slope: float) -> float:
-    """Solve normal . (slope along, slope across, -1) = 0 for the slope along an axis."""
-    across = 1 - along
-    rest = float(normal[2]) - float(normal[across]) * across_slope
-    return rest / float(normal[along])
+def _slope(normal: FloatArray, along: int) -> float:
+    """Solve normal . (slope, 0, -1) = 0, with the slope on an axis."""
+    return float(normal[2]) / float(normal[along])

@@ -64,7 +64,7 @@ def _load_doubts(summary: Summary, run: RunLog) -> list[str]:
             f"the load has {motion.angles_rad.shape[1]} links; the camera fits one straight cable: "
             "judge it by the truth, without a camera (--set camera.rate_hz=0)"
         )
-    across_rad = float(np.abs(motion.angles_rad[..., 1]).max(initial=0.0))
+    across_rad = float(np.abs(motion.angles_rad[..., 1 - run.main_plane]).max(initial=0.0))
     if across_rad > MAX_ACROSS_RAD and summary.across is None:
         doubts.append(
             f"the load swung {across_rad * 1e3:.1f} mrad across the plane that the camera sees; "
