@@ -50,6 +50,10 @@ class InvalidReason(enum.Enum):
     OUT_OF_RANGE = "out_of_range"  # platform outside the offset table
     NO_PLATFORM = "no_platform"  # platform position unknown at mid-exposure
     BAD_IMAGE = "bad_image"  # saturated, empty, or not of the expected size
+    STATIC = "static"  # a line that never moves
+    DUPLICATE = "duplicate"  # the picture before once more
+    FROZEN = "frozen"  # the same picture for a while
+    DAMAGED = "damaged"  # rows of the picture are wrong
 
 
 class Space(enum.Enum):

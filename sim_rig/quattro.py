@@ -119,7 +119,7 @@ class QuattroPlatform:
         The first is at the start, then one at the middle and one at the end of each step. Raises
         ValueError for a step across a sample of the servos (whole milliseconds).
         """
-        _check_step(t_ns, step_ns)
+        _check_step(t_ns, step_ns, steps)
         self._take_load()
         vx, vy, vz = ([velocity] for velocity in self.velocity_m_s)
         step_s = step_ns * 1e-9
@@ -190,10 +190,10 @@ class QuattroPlatform:
         return PlatePose(x_m, y_m, z_m + self._params.home_z_m, 0.0)
 
 
-def _check_step(t_ns: int, step_ns: int) -> None:
-    """Check that a step ends at or before the next sample of the servos."""
+def _check_step(t_ns: int, step_ns: int, steps: int) -> None:
+    """Check that each step ends at or before the next sample of the servos."""
     left_ns = SAMPLE_NS - t_ns % SAMPLE_NS
-    if not 0 < step_ns <= left_ns or (step_ns < left_ns and SAMPLE_NS % step_ns):
+    if not 0 < step_ns <= left_ns or (steps > 1 and SAMPLE_NS % step_ns):
         raise ValueError(
             f"step_ns = {step_ns} at t_ns = {t_ns}; must be > 0 and <= {left_ns} ns, to the next "
             "sample of the servos: divide the step"

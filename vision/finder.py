@@ -27,10 +27,16 @@ TEMPLATES = make_templates(CableLook())
 
 
 class Found(NamedTuple):
-    """Cable as found: straight line, and points on it, in pixels of the whole picture."""
+    """Straight line as found, in pixels of the whole picture."""
 
     line: ImageLine
     ambiguous: bool  # a second line has nearly as many votes
+
+
+class Points(NamedTuple):
+    """Points on the cable near a line, in pixels of the whole picture."""
+
+    line: ImageLine  # through most of them
     rows_px: FloatArray  # (N,)
     columns_px: FloatArray  # (N,)
 
@@ -57,31 +63,30 @@ class Finder:
         candidate = search(small, pivot, MIN_RESPONSE_SIGMAS * noise)
         if candidate is None:
             return None
-        found = self._near(small, candidate.line, pivot[1], noise)
-        return None if found is None else found._replace(ambiguous=candidate.ambiguous)
+        return Found(self._whole(candidate.line), candidate.ambiguous)
 
-    def near(
+    def points(
         self, image: Grey, line: ImageLine, pivot_px: tuple[float, float], levels: Levels
-    ) -> Found | None:
+    ) -> Points | None:
         """Search the strip around a line of the whole picture; None if nothing is there."""
         small = self._reduced(image)
         s = self._scale
         intercept = (line.intercept_px + 0.5 * (1 - line.slope) * (1 - s)) / s
         near = ImageLine(intercept, line.slope)
-        return self._near(small, near, self._small(pivot_px)[1], levels.noise / s)
-
-    def _near(self, small: Grey, near: ImageLine, pivot_v: float, noise: float) -> Found | None:
-        v, u = self._dark_points(small, near, pivot_v, MIN_RESPONSE_SIGMAS * noise)
-        if len(v) < max(4, MIN_ROWS // self._scale):
+        threshold = MIN_RESPONSE_SIGMAS * levels.noise / s
+        v, u = self._dark_points(small, near, self._small(pivot_px)[1], threshold)
+        if len(v) < max(4, MIN_ROWS // s):
             return None
-        line = coarse_line(v.astype(np.float64), u, near)
-        if abs(line.slope) > SLOPE_LIMIT:
+        found = coarse_line(v.astype(np.float64), u, near)
+        if abs(found.slope) > SLOPE_LIMIT:
             return None
-        s = self._scale
         shift = 0.5 * (s - 1)
-        intercept = s * line.intercept_px + shift * (1.0 - line.slope)
-        rows, columns = s * v.astype(np.float64) + shift, s * u + shift
-        return Found(ImageLine(intercept, line.slope), False, rows, columns)
+        return Points(self._whole(found), s * v.astype(np.float64) + shift, s * u + shift)
+
+    def _whole(self, line: ImageLine) -> ImageLine:
+        """Scale a line to the whole picture."""
+        s = self._scale
+        return ImageLine(s * line.intercept_px + 0.5 * (s - 1) * (1.0 - line.slope), line.slope)
 
     def _dark_points(
         self, image: Grey, near: ImageLine, pivot_v: float, threshold: float

@@ -23,6 +23,8 @@ COARSE_SCALES_PX = (5.0, 1.5)  # outlier scales of the coarse line, from strip t
 MIN_SCALE_PX = 1e-3  # lower bound: without noise the rows may agree exactly
 MIN_ROWS = 8  # fewer rows give no useful scatter
 MIN_CURVATURE = 1e-6  # grey/px^2; avoids a division by zero
+NO_NUMBERS: FloatArray = np.zeros(0)
+NO_COVARIANCE: FloatArray = np.zeros((0, 0))
 BLOCK_ROWS = 16  # rows averaged to see their correlation
 
 
@@ -52,13 +54,16 @@ class RowOffsets(NamedTuple):
 class AxisFit(NamedTuple):
     """Fitted axis and the scatter of its rows."""
 
-    coefficients: FloatArray  # (P,) of the basis, to be added to the assumed axis
+    shift: float  # at t = 0, to be added to the assumed axis
+    slope: float  # of t
+    variance_slope: float
+    further: FloatArray  # (P - 2,) of the rest of the basis
     is_near: np.ndarray[Any, np.dtype[np.bool_]]  # (N,) within three deviations of the axis
     rows: int  # number of those
     scatter_px: float  # rms distance of those rows
-    covariance: FloatArray  # (P, P) of the coefficients, from the scatter
     curvature: float  # rms over those rows [grey/px^2]
     residual_px: FloatArray  # (N,)
+    covariance: FloatArray  # (P, P) of the coefficients, from the scatter; (0, 0) of a line
 
 
 def pixel_runs(image: Grey, first: Rows, width: int) -> Grey:
@@ -125,8 +130,50 @@ def coarse_line(
     return ImageLine(start.intercept_px + float(found[0]), start.slope + float(found[1]))
 
 
+def huber_line(t: FloatArray, offsets: RowOffsets) -> AxisFit:
+    """Fit a line over t (N,) to offsets (N,), N >= MIN_ROWS, as huber_fit does in more time."""
+    offset, curvature = offsets
+    moments = np.empty((5, len(t)))  # their weighted sums give the least squares line
+    moments[0] = 1.0
+    moments[1] = t
+    moments[3] = offset
+    np.multiply(t, t, out=moments[2])
+    np.multiply(t, offset, out=moments[4])
+    precision = curvature * curvature
+    shift = slope = threshold = 0.0
+    residual = offset
+    min_threshold = MIN_SCALE_PX * float(curvature.max())
+    distance = np.abs(offset) * curvature
+    for _ in range(HUBER_ITERATIONS):
+        threshold = max(HUBER_SIGMAS * SIGMA_PER_MAD * median(distance), min_threshold)
+        s0, s1, s2, y0, y1 = (moments @ (precision / np.maximum(distance, threshold))).tolist()
+        determinant = s0 * s2 - s1 * s1
+        shift = (s2 * y0 - s1 * y1) / determinant
+        slope = (s0 * y1 - s1 * y0) / determinant
+        residual = offset - (shift + slope * t)
+        distance = np.abs(residual) * curvature
+    is_near = distance <= 3.0 / HUBER_SIGMAS * threshold
+    rows = int(np.count_nonzero(is_near))
+    used = precision * is_near
+    total, first, second = (moments[:3] @ used).tolist()
+    squares = float(used @ np.square(residual))
+    spread = max(second - first * first / total, 1e-12)
+    return AxisFit(
+        shift,
+        slope,
+        squares / max(rows - 2, 1) / spread,
+        NO_NUMBERS,
+        is_near,
+        rows,
+        math.sqrt(squares / total),
+        math.sqrt(total / max(rows, 1)),
+        residual,
+        NO_COVARIANCE,
+    )
+
+
 def huber_fit(basis: FloatArray, offsets: RowOffsets) -> AxisFit:
-    """Fit a linear combination of basis (P, N), P = 2 or 3, to offsets (N,), N >= MIN_ROWS.
+    """Fit a linear combination of basis (P, N) to offsets (N,), N >= MIN_ROWS.
 
     Reweighted least squares (Huber), from the assumed axis, which is robust. The weight of a row is
     its curvature squared, as in a Gauss-Newton step on the image.
@@ -149,38 +196,55 @@ def huber_fit(basis: FloatArray, offsets: RowOffsets) -> AxisFit:
     used = precision * is_near
     total = float(used.sum())
     squares = float(used @ np.square(residual))
-    inverse = _inverse(_moments(basis, used))
-    variance = squares / max(rows - len(basis), 1)
+    inverse = _inverse((basis * used) @ basis.T)
+    covariance = squares / max(rows - len(basis), 1) * inverse
     return AxisFit(
-        found,
+        float(found[0]),
+        float(found[1]),
+        float(covariance[1, 1]),
+        found[2:],
         is_near,
         rows,
         math.sqrt(squares / total),
-        variance * inverse,
         math.sqrt(total / max(rows, 1)),
         residual,
+        covariance,
     )
 
 
 def correlation_factor(residual_px: FloatArray) -> float:
     """Estimate how much the correlation of rows raises the variance of a fitted line, >= 0.
 
-    residual_px: (N,) of neighbouring rows. The variance of means of BLOCK_ROWS rows over that of
-    independent rows; about 1 for white noise, 1 + 2 sum rho in general.
+    residual_px: (N,) of neighbouring rows, 0 where a row is not used. The variance of sums of
+    BLOCK_ROWS rows over that of independent rows; about 1 for white noise, 1 + 2 sum rho in
+    general.
     """
     blocks = len(residual_px) // BLOCK_ROWS
     if blocks < 4:
         return 1.0
+    used = residual_px[: blocks * BLOCK_ROWS]
+    sums = used.reshape(blocks, BLOCK_ROWS).sum(axis=1)
+    whole = float(np.dot(used, used))
+    return float(np.dot(sums, sums)) / whole if whole > 0.0 else 1.0
+
+
+def local_noise(residual_px: FloatArray) -> tuple[float, float]:
+    """Estimate the noise of rows around a smooth curve: deviation [px], correlation factor.
+
+    residual_px: (N,) of neighbouring rows, in which a smooth curve may be left. The deviation is
+    that within blocks of rows, the factor is that of second differences of their means.
+    """
+    blocks = len(residual_px) // BLOCK_ROWS
+    if blocks < 4:
+        return math.sqrt(float(np.mean(np.square(residual_px)))), 1.0
     parts = residual_px[: blocks * BLOCK_ROWS].reshape(blocks, BLOCK_ROWS)
-    whole = float(np.dot(residual_px, residual_px)) / len(residual_px)
     means = parts.mean(axis=1)
-    if whole <= 0.0:
-        return 1.0
-    return float(BLOCK_ROWS * np.dot(means, means) / (blocks * whole))
-
-
-def _moments(basis: FloatArray, weight: FloatArray) -> FloatArray:
-    return np.asarray((basis * weight) @ basis.T)
+    inner = parts - means[:, None]
+    variance = float(np.square(inner).sum()) / (blocks * (BLOCK_ROWS - 1))
+    bends = means[:-2] - 2.0 * means[1:-1] + means[2:]
+    # of independent rows: 1 + 4 + 1 times the variance of a mean
+    expected = 6.0 * max(variance, 1e-12) / BLOCK_ROWS
+    return math.sqrt(variance), float(np.mean(np.square(bends))) / expected
 
 
 def _solve(basis: FloatArray, y: FloatArray, weight: FloatArray) -> FloatArray:
@@ -190,14 +254,17 @@ def _solve(basis: FloatArray, y: FloatArray, weight: FloatArray) -> FloatArray:
 
 
 def _inverse(a: FloatArray) -> FloatArray:
-    """Invert a symmetric matrix of two or three rows; LAPACK takes three times as long."""
+    """Invert a symmetric matrix; of two or three rows LAPACK takes three times as long."""
+    if len(a) > 3:
+        return np.asarray(np.linalg.pinv(a, hermitian=True))
     if len(a) == 2:
         (p, q), (_, r) = a.tolist()
         scale = 1.0 / max(p * r - q * q, 1e-300)
         return np.array([[r * scale, -q * scale], [-q * scale, p * scale]])
     (p, q, r), (_, s, t), (_, _, w) = a.tolist()
     x, y, z = s * w - t * t, r * t - q * w, q * t - r * s
-    scale = 1.0 / (p * x + q * y + r * z)
+    determinant = p * x + q * y + r * z
+    scale = 1.0 / determinant if determinant else 0.0
     m, n, k = p * w - r * r, q * r - p * t, p * s - q * q
     return np.array([[x, y, z], [y, m, n], [z, n, k]]) * scale
 

@@ -5,16 +5,19 @@ from __future__ import annotations
 import numpy as np
 
 from vision.axis import MeasuredAxis
-from vision.line_fit import Grey
+from vision.line_fit import Grey, ImageLine, coarse_line
 from vision.ridge import CLEAR_ROWS, FLANK_PX, Levels, line_response
 from vision.static_scene import StaticScene
 
 ROWS = 16  # looked at in each picture
+STEPS = np.arange(ROWS)
 MIN_SHARE = 0.6  # of these rows with a rival on one line
 CLEAR_PX = 8.0  # beside the cable
 RESPONSE_SHARE = 0.5  # of the response of the cable itself
 MIN_RESPONSE_SIGMAS = 4.0
 BINS_PER_SLOPE = 48.0  # a line 5 px off the pivot stays in two neighbouring bins
+MAX_APART_PX = 5.0  # at the pivot: a line farther from the cable there is not one through it
+CHECK_FRAMES = 4  # without a rival, one picture in so many is looked at
 MEMORY_FRAMES = 50  # in which a line that was seen may hide behind the cable
 
 
@@ -24,7 +27,8 @@ class RivalWatch:
     def __init__(self, width: int, height: int) -> None:
         self._width = width
         self._height = height
-        self._since = MEMORY_FRAMES  # pictures since the last rival
+        # pictures since the last rival; the first picture is looked at
+        self._since = MEMORY_FRAMES + CHECK_FRAMES - (MEMORY_FRAMES % CHECK_FRAMES) - 1
 
     def is_rivalled(
         self,
@@ -35,10 +39,11 @@ class RivalWatch:
         static: StaticScene | None,
     ) -> bool:
         """Tell if there is, or was a moment ago, another line as dark through the pivot."""
-        if self._sees_rival(image, levels, measured, pivot_px, static):
+        self._since += 1
+        is_due = self._since < MEMORY_FRAMES or self._since % CHECK_FRAMES == 0
+        if is_due and self._sees_rival(image, levels, measured, pivot_px, static):
             self._since = 0
             return True
-        self._since += 1
         return self._since < MEMORY_FRAMES and static is None
 
     def _sees_rival(
@@ -52,7 +57,7 @@ class RivalWatch:
         first = max(measured.first_row, int(pivot_px[1]) + CLEAR_ROWS + 40)
         if measured.last_row - first < ROWS:
             return False
-        rows = np.linspace(first, measured.last_row, ROWS).astype(np.intp)
+        rows = first + (measured.last_row - first) * STEPS // (ROWS - 1)
         picture = np.ascontiguousarray(image[rows])
         if static is not None:
             still = np.ascontiguousarray(static.picture[rows])
@@ -71,7 +76,16 @@ class RivalWatch:
         slope = (column - pivot_px[0]) / (rows[row] - pivot_px[1])
         near = np.abs(slope) < 1.0
         bins = ((slope[near] + 1.0) * BINS_PER_SLOPE).astype(np.intp)
+        row, column = row[near], column[near]
         # each row counts once in a bin
-        votes = np.unique(bins * ROWS + row[near]) // ROWS
+        votes = np.unique(bins * ROWS + row) // ROWS
         count = np.bincount(votes, minlength=2)
-        return int((count[1:] + count[:-1]).max()) >= MIN_SHARE * ROWS
+        pairs = count[1:] + count[:-1]
+        best = int(pairs.argmax())
+        if int(pairs[best]) < MIN_SHARE * ROWS:
+            return False
+        chosen = (bins == best) | (bins == best + 1)
+        v, u = rows[row[chosen]].astype(np.float64), column[chosen].astype(np.float64)
+        line = coarse_line(v, u, ImageLine(float(u.mean()), 0.0))
+        apart_px = line.at(pivot_px[1]) - measured.axis.line.at(pivot_px[1])
+        return abs(apart_px) < MAX_APART_PX

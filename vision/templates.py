@@ -13,6 +13,8 @@ FloatArray = np.ndarray[Any, np.dtype[np.float64]]
 PHASES = 64  # templates per pixel
 TAIL_SIGMAS = 3.6  # of the template beyond the edge of the cable; what is cut off is 3e-4 of it
 MIN_HALF_PX = 5
+# sharper templates would see less than two pixels of an edge, and bias towards whole pixels
+MIN_BLUR_PX = 1.0
 
 
 class CableLook(NamedTuple):
@@ -48,15 +50,17 @@ class Templates(NamedTuple):
 @lru_cache(maxsize=64)
 def make_templates(look: CableLook) -> Templates:
     """Compute the templates of a cable."""
-    half = max(MIN_HALF_PX, math.ceil(0.5 * look.width_px + TAIL_SIGMAS * look.blur_px))
+    reach = 0.5 * look.width_px + TAIL_SIGMAS * max(look.blur_px, MIN_BLUR_PX)
+    half = max(MIN_HALF_PX, math.ceil(reach))
     phase = np.arange(PHASES)[:, None] / PHASES - 0.5
     x = np.arange(-half, half + 1) - phase
-    left, right = ((x + sign * 0.5 * look.width_px) / look.blur_px for sign in (1.0, -1.0))
-    scale = 1.0 / (math.sqrt(2.0 * math.pi) * look.blur_px)
+    blur_px = max(look.blur_px, MIN_BLUR_PX)
+    left, right = ((x + sign * 0.5 * look.width_px) / blur_px for sign in (1.0, -1.0))
+    scale = 1.0 / (math.sqrt(2.0 * math.pi) * blur_px)
     first = scale * (np.exp(-0.5 * left**2) - np.exp(-0.5 * right**2))
     bells = left * np.exp(-0.5 * left**2) - right * np.exp(-0.5 * right**2)
-    second = -scale / look.blur_px * bells
+    second = -scale / blur_px * bells
     pair = np.stack([first, second], axis=1)
-    pair = np.asarray(pair - pair.mean(axis=2, keepdims=True), np.float32)
-    middle = pair[PHASES // 2]
-    return Templates(half, pair, float(np.linalg.norm(middle[0])), float(np.linalg.norm(middle[1])))
+    pairs = np.asarray(pair - pair.mean(axis=2, keepdims=True)).astype(np.float32)
+    norms = np.linalg.norm(pairs[PHASES // 2], axis=1)
+    return Templates(half, pairs, float(norms[0]), float(norms[1]))

@@ -7,17 +7,16 @@ result is a line with free intercept; the predicted pivot only selects which lin
 
 from __future__ import annotations
 
-import enum
 import math
 import operator
-from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
-from vision.axis import Axis, AxisFitter, MeasuredAxis
+from vision.axis import Axis, MeasuredAxis
+from vision.axis_fitter import AxisFitter
 from vision.errors import VisionError
 from vision.finder import Finder, Found
+from vision.fit import Fit, LowerLink, TrackFailure
 from vision.line_fit import MIN_ROWS, Grey, ImageLine
 from vision.profile_look import measure_look
 from vision.ridge import CLEAR_ROWS, Levels, grey_levels
@@ -25,8 +24,11 @@ from vision.rivals import RivalWatch
 from vision.static_scene import StaticScene
 from vision.templates import CableLook
 
+__all__ = ["Fit", "LowerLink", "TrackFailure", "Tracker"]
+
 SEARCH_SCALES = (1, 2, 4, 8)  # a cable of some 2, 5, 10 and 20 px is 3 px wide at these
 NEWTON_STEPS = 3  # of all rows
+COLD_NEWTON_STEPS = 6  # from a line that was searched
 CONVERGED_PX = 0.15  # a last step shorter than this leaves an error below 0.001 px
 MIN_DIRECT_SHARE = 0.9  # of the rows below the pivot; they must agree while following
 MAX_PIVOT_MISS_PX = 5.0  # a line farther from the predicted pivot is not the cable
@@ -34,58 +36,16 @@ MIN_ROWS_SHARE = 0.12  # of the image height; fewer rows are too short for a slo
 # a fit is poor if its scatter exceeds both
 MAX_SCATTER_PX = 0.3
 MAX_SCATTER_SIGMAS = 3.0  # of the noise
+MAX_STRUCTURED_RAD = 1e-3  # sigma of rows that follow something else than an axis
+MIN_BENT_SHARE = 0.6  # of the visible rows that must agree on a bent axis
+MAX_MEAN_FACTOR = 20.0
 MIN_SIZE_PX = 64
+LOOK_ROW_STEP = 2  # of the rows that show width and blur
 LOOK_CHANGE_REL = 0.15  # a template that differs less is kept
+CLEAR_FACTOR = 3.0  # chance does not correlate the rows of one frame so much
 FACTOR_WEIGHT = 0.1  # of the newest frame in the mean correlation of the rows
 # weights of the last angles in the predicted one, newest first, by the number of angles
 EXTRAPOLATION_WEIGHTS = ((), (1.0,), (2.0, -1.0), (3.0, -3.0, 1.0))
-
-
-class TrackFailure(enum.Enum):
-    """Reason why an image gives no angle; the values are those of InvalidReason."""
-
-    NONE = "none"
-    NO_CABLE = "no_cable"
-    FEW_ROWS = "few_rows"
-    PIVOT_MISSED = "pivot_missed"
-    AMBIGUOUS = "ambiguous"
-    POOR_FIT = "poor_fit"
-    BAD_IMAGE = "bad_image"
-    STATIC = "static"
-
-
-class LowerLink(NamedTuple):
-    """Second link, below the joint that is in the picture."""
-
-    angle_rad: float
-    sigma_rad: float
-    joint_px: tuple[float, float]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Fit:
-    """Result of one image. The angle is absent unless valid; a rejected line keeps its facts."""
-
-    angle_rad: float | None = None  # atan(du/dv): positive = lower end to the right
-    # one standard deviation, from the scatter of the rows and their correlation
-    sigma_rad: float | None = None
-    reason: TrackFailure = TrackFailure.NONE
-    rows: int = 0  # number of rows in the fit
-    residual_px: float | None = None  # rms distance of those rows from the axis
-    pivot_miss_px: float | None = None  # line minus predicted pivot, along x, at the pivot's row
-    background: float = 0.0  # median grey level, 0..255
-    saturation: float = 0.0  # share of pixels at 255
-    line_px: tuple[float, float] | None = None  # column at row 0, columns per row
-    first_row: int = 0  # of the rows in the fit
-    last_row: int = 0
-    bend_px: float = 0.0  # distance of the middle of the axis from the chord, positive to the right
-    sigma_bend_px: float = 0.0
-    lower: LowerLink | None = None
-
-    @property
-    def valid(self) -> bool:
-        """True if there is an angle."""
-        return self.reason is TrackFailure.NONE
 
 
 class Tracker:
@@ -128,6 +88,7 @@ class Tracker:
         """Clear the angle history; the next image is searched as a whole."""
         self._angles_rad: tuple[float, ...] = ()  # newest first
         self._axis: Axis | None = None  # the last one
+        self._axis_before: Axis | None = None
         self._pivot_miss_px = 0.0
 
     def measure(
@@ -149,6 +110,8 @@ class Tracker:
         if predicted is not None:
             fit = self._follow(image, levels, predicted, pivot_px)
         if fit is None or not fit.valid:
+            # after a missed prediction the velocity is not known either
+            self._angles_rad = self._angles_rad[:1]
             fit = self._search(image, levels, pivot_px)
         self._store(fit)
         return fit
@@ -161,7 +124,9 @@ class Tracker:
             angle_rad = sum(map(operator.mul, self._angles_rad, weights))
         slope = math.tan(angle_rad)
         line = ImageLine(pivot_px[0] + self._pivot_miss_px - slope * pivot_px[1], slope)
-        return Axis(line) if self._axis is None else self._axis._replace(line=line)
+        if self._axis is None:
+            return Axis(line)
+        return self._axis.extrapolated(self._axis_before)._replace(line=line)
 
     def _store(self, fit: Fit) -> None:
         if fit.angle_rad is None or fit.pivot_miss_px is None:
@@ -197,7 +162,7 @@ class Tracker:
         first_row = max(0, math.floor(pivot_px[1]) + CLEAR_ROWS + 1)
         rows = self.height - first_row
         measured = None
-        for _ in range(NEWTON_STEPS):
+        for _ in range(NEWTON_STEPS if min_share else COLD_NEWTON_STEPS):
             measured = self._fitter.measure(image, levels.noise, axis, first_row)
             if measured is None or measured.rows < min_share * min(rows, measured.visible_rows):
                 return None
@@ -228,30 +193,42 @@ class Tracker:
     def _fit_found(
         self, image: Grey, levels: Levels, found: Found, pivot_px: tuple[float, float], scale: int
     ) -> Fit:
+        """Fit the axis from a line found at a scale, straight or of another shape."""
         if not self._is_look_known:
-            self._learn_look(image, found, scale)
+            guess = CableLook(2.5 * scale, max(0.85, 0.5 * scale))
+            self._learn_look(image, Axis(found.line), pivot_px, guess)
         measured = self._refine(image, levels, Axis(found.line), pivot_px, 0.0)
         fit = self._checked(measured, levels, pivot_px)
-        if not fit.valid:
-            bent = self._fitter.shape(found)
-            again = None if bent is None else self._refine(image, levels, bent, pivot_px, 0.0)
-            other = self._checked(again, levels, pivot_px)
-            fit = other if other.valid else fit
-            measured = again if other.valid else measured
+        if not fit.valid or measured is None or not measured.is_whole(MIN_DIRECT_SHARE):
+            points = self._finders[scale].points(image, found.line, pivot_px, levels)
+            for axis in () if points is None else self._fitter.shapes(points):
+                other = self._refine(image, levels, axis, pivot_px, 0.0)
+                again = self._checked(other, levels, pivot_px)
+                if again.valid and (not fit.valid or again.rows > fit.rows):
+                    measured, fit = other, again
+                if fit.valid and measured is not None and measured.is_whole(MIN_DIRECT_SHARE):
+                    break
         if not fit.valid or measured is None:
             return fit
         if not self._is_look_known:
-            self._is_look_known = self._learn_look(image, found, scale)
+            # once more, around the axis itself
+            look = self._fitter.look
+            self._is_look_known = self._learn_look(image, measured.axis, pivot_px, look)
         is_rivalled = self._rivals.is_rivalled(image, levels, measured, pivot_px, self._static)
         if found.ambiguous or is_rivalled:
             return _failed(TrackFailure.AMBIGUOUS, levels)
         return fit
 
-    def _learn_look(self, image: Grey, found: Found, scale: int) -> bool:
-        """Measure width and blur around a line, and change the templates; False if unclear."""
-        guess = CableLook(2.5 * scale, max(0.85, 0.5 * scale))
-        line = found.line
-        look = measure_look(image, found.rows_px, line.at(found.rows_px), line.slope, guess)
+    def _learn_look(
+        self, image: Grey, axis: Axis, pivot_px: tuple[float, float], guess: CableLook
+    ) -> bool:
+        """Measure width and blur around an axis, and change the templates; False if unclear."""
+        first = max(0, math.ceil(pivot_px[1]) + CLEAR_ROWS)
+        rows = np.arange(first, self.height, LOOK_ROW_STEP)
+        if rows.size < MIN_ROWS:
+            return False
+        columns = self._fitter.columns(axis, rows)
+        look = measure_look(image, rows.astype(np.float64), columns, axis.line.slope, guess)
         if look is None:
             return False
         now = self._fitter.look
@@ -267,25 +244,43 @@ class Tracker:
             return _failed(TrackFailure.FEW_ROWS, levels)
         return self._check(measured, levels, pivot_px)
 
+    def _sigma_rad(self, measured: MeasuredAxis) -> float:
+        """Compute the standard deviation of the angle, with the correlation of the rows."""
+        factor = max(1.0, self._factor)
+        if measured.correlation_factor > CLEAR_FACTOR:
+            factor = max(factor, measured.correlation_factor)
+        return measured.sigma_slope * math.sqrt(factor) / (1.0 + measured.axis.line.slope**2)
+
+    def _failure(
+        self, measured: MeasuredAxis, levels: Levels, miss_px: float, sigma_rad: float
+    ) -> TrackFailure:
+        """Judge a fitted axis."""
+        if abs(miss_px) > MAX_PIVOT_MISS_PX:
+            return TrackFailure.PIVOT_MISSED
+        if measured.rows < max(MIN_ROWS, MIN_ROWS_SHARE * self.height):
+            is_static = measured.static_rows > measured.rows
+            return TrackFailure.STATIC if is_static else TrackFailure.FEW_ROWS
+        noise_px = levels.noise * self._fitter.first_norm / measured.curvature
+        is_scattered = measured.scatter_px > max(MAX_SCATTER_PX, MAX_SCATTER_SIGMAS * noise_px)
+        is_structured = (
+            measured.correlation_factor > CLEAR_FACTOR and sigma_rad > MAX_STRUCTURED_RAD
+        )
+        # a bent axis through a part of the rows may be that of something else
+        is_part = measured.axis.is_bent and measured.rows < MIN_BENT_SHARE * measured.visible_rows
+        if is_scattered or is_structured or is_part:
+            return TrackFailure.POOR_FIT
+        return TrackFailure.NONE
+
     def _check(self, measured: MeasuredAxis, levels: Levels, pivot_px: tuple[float, float]) -> Fit:
         line = measured.axis.line
         miss_px = line.at(pivot_px[1]) - pivot_px[0]
-        noise_px = levels.noise * self._fitter.first_norm / measured.curvature
-        reason = TrackFailure.NONE
-        if abs(miss_px) > MAX_PIVOT_MISS_PX:
-            reason = TrackFailure.PIVOT_MISSED
-        elif measured.rows < max(MIN_ROWS, MIN_ROWS_SHARE * self.height):
-            reason = TrackFailure.FEW_ROWS
-            if measured.static_rows > measured.rows:
-                reason = TrackFailure.STATIC
-        elif measured.scatter_px > max(MAX_SCATTER_PX, MAX_SCATTER_SIGMAS * noise_px):
-            reason = TrackFailure.POOR_FIT
+        sigma_rad = self._sigma_rad(measured)
+        reason = self._failure(measured, levels, miss_px, sigma_rad)
         valid = reason is TrackFailure.NONE
         if valid:
-            self._axis = measured.axis
-            self._factor += FACTOR_WEIGHT * (measured.correlation_factor - self._factor)
-        flat = 1.0 + line.slope**2
-        sigma_rad = measured.sigma_slope * math.sqrt(max(1.0, self._factor)) / flat
+            self._axis_before, self._axis = self._axis, measured.axis
+            factor = min(measured.correlation_factor, MAX_MEAN_FACTOR)
+            self._factor += FACTOR_WEIGHT * (factor - self._factor)
         return Fit(
             angle_rad=math.atan(line.slope) if valid else None,
             sigma_rad=sigma_rad if valid else None,

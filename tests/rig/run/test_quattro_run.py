@@ -25,7 +25,9 @@ from planners.errors import PlanError
 from rig.analysis.analyze import RunAnalysis
 from rig.errors import ConfigError, Refused
 from rig.run import config, experiment
+from rig.run.job import plan_move, prepare
 from rig.run.runs import LOG
+from rig.run.runtime import bench
 from rig.run.tasks.controller.joints import QuattroJoints, RobotSettings, robot_joints
 from sim_rig.bench import Bench
 from sim_rig.input_check import InputBounds
@@ -192,3 +194,15 @@ def test_joints_of_another_robot_are_no_platform() -> None:
     assert robot_joints(RobotSettings()).platform(joint_state(0, 0, [0.1] * 4, [0.0] * 4)) is None
     with pytest.raises(PlanError):
         joints.setpoint(0, 0, (5.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize("key", ["row_us=20", "jitter_us=500"])
+def test_exposures_between_the_milliseconds_of_the_servos_are_taken(key: str) -> None:
+    chosen = config.read_experiment(
+        "move", [f"bench.camera.{key}", "experiment.quiet_s=0.3", "experiment.watch_s=1"]
+    )
+    task = bench.task(prepare(chosen, plan_move(chosen), bench.plant(chosen)).settings["bench"])
+    sends = list(task.start(0).sends)
+    for t_ms in range(5, 500, 5):
+        sends += task.on_tick(t_ms * 1_000_000).sends
+    assert sum(send.channel == "frame_1" for send in sends) >= 22
