@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
@@ -24,8 +23,8 @@ MIN_OUTLIER_PX = 0.1
 MAX_WINDOW_PX = 11  # half width around a corner
 STOP = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-3)
 FIND_FLAGS = cv2.CALIB_CB_ADAPTIVE_THRESH + cv2.CALIB_CB_NORMALIZE_IMAGE
-OTHER_COUNTS = range(4, 12)  # inner corners that are tried where no board is found
-OTHER_TRIES = 3  # pictures
+SMALLEST_BOARD = (4, 4)  # inner corners of another board that is looked for
+OTHER_TRIES = 2  # pictures
 
 
 class BoardSize(NamedTuple):
@@ -104,7 +103,7 @@ def find_boards(pictures: Iterable[tuple[str, Grey]], board: BoardSize) -> Found
     if not boards:
         raise VisionError(
             f"no board of {board.columns} x {board.rows} inner corners in {len(refused)} pictures; "
-            f"must be in {MIN_BOARDS} at least: {_other_board(without, board)}"
+            f"must be in {MIN_BOARDS} at least: {_other_board(without)}"
         )
     return FoundBoards(boards, size_px, refused)
 
@@ -136,13 +135,15 @@ def _not_needed(corners_px: NDArray[np.float32], boards: Sequence[SeenBoard]) ->
     return ""
 
 
-def _other_board(pictures: Sequence[Grey], board: BoardSize) -> str:
+def _other_board(pictures: Sequence[Grey]) -> str:
     """Name the next step: another number of corners, if a board of it is in the pictures."""
     for picture in pictures:
-        for columns, rows in itertools.product(OTHER_COUNTS, OTHER_COUNTS):
-            other = BoardSize(columns, rows, board.square_m)
-            if columns >= rows and _corners(picture, other) is not None:
-                return f"there is one of {columns} x {rows}, give --corners {columns}x{rows}"
+        is_found, _, corners = cv2.findChessboardCornersSBWithMeta(
+            picture, SMALLEST_BOARD, cv2.CALIB_CB_LARGER
+        )
+        if is_found and corners is not None:
+            size = f"{max(corners.shape)}x{min(corners.shape)}"
+            return f"there is one of {size}, give --corners {size}"
     return "show the whole board, flat, sharp and evenly lit, with its white border"
 
 

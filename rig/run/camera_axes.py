@@ -13,8 +13,8 @@ from rig.run.cameras import Camera
 
 AXES = ("x", "y", "z")
 # across the axis along which a camera without a camera file knows the pivot: at 1 m and 1000 px/m
-# the pivot is then 5 px off, the most that the tracker bears, at 0.2 m or 0.2 rad
-MAX_OFF_AXIS_M = 0.025
+# the pivot is then 5 px off, the most that the tracker bears, at 0.14 m or 0.14 rad
+MAX_OFF_AXIS_M = 0.035
 
 
 def check_axes(

@@ -284,15 +284,17 @@ def test_a_picture_of_the_wrong_size_is_a_bad_image(shape: tuple[int, ...], enco
     )
 
 
-def test_the_angle_of_a_rolling_shutter_holds_at_the_read_out_of_the_last_rows(
-    camera: Camera,
+@pytest.mark.parametrize("pivot_row", [PIVOT_PX[1], 60.0, 120.0, 240.0])
+def test_the_angle_of_a_rolling_shutter_holds_at_the_read_out_of_its_rows(
+    camera: Camera, pivot_row: float
 ) -> None:
     row_ns, rate, start_s = 33_000, 0.32, 0.1
+    pivot_px = PIVOT_PX[0], pivot_row
     light = np.empty((HEIGHT, WIDTH))
     for row in range(0, HEIGHT, 8):  # eight rows share an instant: 0.08 mrad
         angle = 0.05 + rate * (row + 3.5) * row_ns * 1e-9
-        light[row : row + 8] = Scene(angle_rad=angle).light()[row : row + 8]
-    vision = task()
+        light[row : row + 8] = Scene(angle_rad=angle, pivot_px=pivot_px).light()[row : row + 8]
+    vision = task(pivot_home_px=pivot_px)
     vision.on_message("platform_1", platform(105 * MS, 0.0), 106 * MS)
     sample = look(vision, camera.expose(light), round(start_s * 1e9), row_ns=row_ns)
     truth = 0.05 + rate * (sample.t_valid_ns * 1e-9 - start_s - 0.005)

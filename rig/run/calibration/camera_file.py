@@ -115,18 +115,21 @@ def find(experiment: Experiment, camera: Camera) -> CameraFile | None:
             f"{camera.plane.value}: give {camera.section} its own file"
         )
     try:
-        CameraModel(parameters(found))
+        CameraModel(parameters(found, name))
     except (VisionError, ValueError) as error:
         raise ConfigError(f"camera file '{name}': {error}") from None
     return found
 
 
-def parameters(camera: CameraFile) -> CameraParameters:
-    """Return the parameters of the model; raises ConfigError without a pose."""
+def parameters(camera: CameraFile, name: str = "") -> CameraParameters:
+    """Return the parameters of the model; raises ConfigError without a pose.
+
+    name: of the file, for the error.
+    """
     if camera.pose is None:
         raise ConfigError(
-            "has no [pose]; must have one for a run: add it with `rig calibrate camera --lens FILE "
-            "--marks PICTURE --places CSV`"
+            f"camera file '{name}' has no [pose]; must have one for a run: add it with `rig "
+            "calibrate camera --lens FILE --marks PICTURE --places CSV`"
         )
     return CameraParameters(
         focal_px=camera.focal_px,
