@@ -24,6 +24,10 @@ class CableGeometry(Protocol):
         """Compute the angle of the cable; offset_rad is that of the offset table."""
         ...
 
+    def lower_angle(self, line: SeenLine, offset_rad: float, position_m: Vector) -> TrueAngle:
+        """Compute the angle of a link below the cable."""
+        ...
+
 
 class TableGeometry:
     """Geometry by pivot, scale and offset table; the platform moves along one axis."""
@@ -49,6 +53,14 @@ class TableGeometry:
         """Compute the angle of the cable; offset_rad is the slope angle of a hanging cable."""
         return self._pitch.true_angle(line.slope_rad, offset_rad, position_m[self._axis])
 
+    def lower_angle(self, line: SeenLine, offset_rad: float, position_m: Vector) -> TrueAngle:
+        """Compute the angle of a link below the cable: its line passes beside the pivot."""
+        column_px, row_px = self.pivot_px(position_m)
+        at_pivot_px = line.column_px + math.tan(line.slope_rad) * (row_px - line.row_px)
+        beside_m = (at_pivot_px - column_px) / self._pivot.pixels_per_m
+        place_m = position_m[self._axis]
+        return self._pitch.true_angle(line.slope_rad, offset_rad, place_m, beside_m)
+
 
 class ModelGeometry:
     """Geometry by a camera model; the offset table has what is left."""
@@ -69,4 +81,9 @@ class ModelGeometry:
         """Compute the angle of the cable, without a swing across; less the offset."""
         true = self._model.true_angle(line, self._axis)
         self._slope = math.tan(true.angle_rad)
+        return TrueAngle(true.angle_rad - offset_rad, true.gain)
+
+    def lower_angle(self, line: SeenLine, offset_rad: float, position_m: Vector) -> TrueAngle:
+        """Compute the angle of a link below the cable, without a swing across."""
+        true = self._model.true_angle(line, self._axis)
         return TrueAngle(true.angle_rad - offset_rad, true.gain)

@@ -88,13 +88,17 @@ class PitchedCamera(NamedTuple):
     column_m: float = 0.0  # place of the platform with the pivot in the principal column
     scale: float = 1.0  # G
 
-    def true_angle(self, slope_rad: float, offset_rad: float, place_m: float) -> TrueAngle:
+    def true_angle(
+        self, slope_rad: float, offset_rad: float, place_m: float, beside_m: float = 0.0
+    ) -> TrueAngle:
         """Compute the angle of the cable with the platform at place_m.
 
         slope_rad: slope angle in the picture. offset_rad: that of a hanging cable at this place.
+        beside_m: distance from the pivot at which another line passes its height.
         """
         hanging = self.slope_1_m * (place_m - self.column_m)
         slope = math.tan(slope_rad - offset_rad + math.atan(hanging))
+        hanging += self.slope_1_m * beside_m
         true = self.scale * (slope - hanging)
         gain = self.scale * (1.0 + slope * slope) / (1.0 + true * true)
         return TrueAngle(math.atan(true), gain)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from typing import NamedTuple
 
 import cv2
@@ -21,22 +20,19 @@ from comms.messages import (
     Position,
     RobotState,
     SwingPlane,
-    Velocity,
 )
 from comms.replies import Replies
 from comms.task import NO_STEP, Send, Step
 from vision.cable_geometry import CableGeometry, ModelGeometry, TableGeometry
 from vision.camera_model import CameraParameters, SeenLine
-from vision.filters import MovingAverage
-from vision.geometry import PivotModel
+from vision.filters import Angle, MovingAverage
+from vision.geometry import PivotModel, TrueAngle
 from vision.offset_table import LightOffsets, Offset, OffsetTable
+from vision.platform_track import PlatformPoint, PlatformTrack
 from vision.ridge import grey_levels
 from vision.sources import red_plane
 from vision.tracker import Fit, Tracker
 
-MAX_PLATFORM_SAMPLES = 32  # 320 ms at 100 Hz, the time of 16 frames at 50 Hz
-NS_PER_S = 1e9
-HOME_M = (0.0, 0.0, 0.0)
 MAX_GAP_PERIODS = 1.5  # between two time stamps; beyond, a frame is missing
 
 
@@ -70,12 +66,13 @@ class VisionSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
         return self.model is not None or len(self.x_m) > 1
 
 
-class PlatformPoint(NamedTuple):
-    """Position and velocity of the platform."""
+class PlacedFit(NamedTuple):
+    """Fit of a picture, with the platform at that time."""
 
-    t_ns: int
+    fit: Fit
+    pivot_px: tuple[float, float]  # predicted
     position_m: Position
-    velocity_m_s: Velocity
+    offset_rad: float  # of the offset table
 
 
 class VisionTask:
@@ -95,7 +92,8 @@ class VisionTask:
             )
         max_gap_ns = int(MAX_GAP_PERIODS * settings.period_ns)
         self._average = MovingAverage(settings.average_frames, max_gap_ns)
-        self._platform: deque[PlatformPoint] = deque(maxlen=MAX_PLATFORM_SAMPLES)
+        self._lower_average = MovingAverage(settings.average_frames, max_gap_ns)
+        self._platform = PlatformTrack(settings.max_extrapolation_ns)
         self._angles_sent = 0
         self._replies = Replies(self.name)
         self.late_ticks = 0  # the task has no ticks
@@ -109,7 +107,8 @@ class VisionTask:
         """Process a platform position, a frame or a command; ignore all others."""
         match message:
             case RobotState():
-                self._store_platform(message)
+                position_m, v_m_s = message.actual_m, message.actual_velocity_m_s
+                self._platform.store(PlatformPoint(message.t_actual_ns, position_m, v_m_s))
             case Frame():
                 at_ns = t_ns + self._settings.processing_ns
                 return Step((Send(self._channel, self._sample(message, at_ns), at_ns),))
@@ -126,15 +125,9 @@ class VisionTask:
         """Do nothing; no shutdown action."""
         return NO_STEP
 
-    def _store_platform(self, state: RobotState) -> None:
-        if self._platform and state.t_actual_ns <= self._platform[-1].t_ns:
-            return  # older than the newest sample
-        point = PlatformPoint(state.t_actual_ns, state.actual_m, state.actual_velocity_m_s)
-        self._platform.append(point)
-
     def _sample(self, frame: Frame, at_ns: int) -> AngleSample:
         middle_ns = frame.t_exposure_start_ns + frame.exposure_ns // 2
-        position_m = self._platform_at(middle_ns)
+        position_m = self._platform.at(middle_ns)
         pivot_px = (math.nan, math.nan)
         if position_m is not None:
             pivot_px = self._geometry.pivot_px(position_m)
@@ -147,23 +140,12 @@ class VisionTask:
             reason = InvalidReason.OUT_OF_RANGE
         t_valid_ns = middle_ns
         links: tuple[LinkAngle, ...] = ()
-        is_valid = reason is InvalidReason.NONE and position_m is not None
-        if is_valid and fit.angle_rad is not None and fit.sigma_rad is not None:
-            line = _seen_line(fit, fit.angle_rad, pivot_px, frame.height)
-            t_ns = middle_ns + _readout_delay_ns(frame, line)
-            true = self._geometry.true_angle(line, offset.offset_rad, position_m or HOME_M)
-            mean = self._average.add(t_ns, true.angle_rad, true.gain * fit.sigma_rad)
-            t_valid_ns = mean.t_ns
-            cable = LinkAngle(
-                angle_rad=mean.angle_rad,
-                sigma_rad=mean.sigma_rad,
-                raw_rad=fit.angle_rad,
-                offset_rad=fit.angle_rad - true.angle_rad,
-                joint_px=(line.column_px, line.row_px),
-            )
-            links = (cable,)
+        if reason is InvalidReason.NONE and position_m is not None:
+            placed = PlacedFit(fit, pivot_px, position_m, offset.offset_rad)
+            t_valid_ns, links = self._links(frame, placed, middle_ns)
         else:
             self._average.restart()
+            self._lower_average.restart()
         self._angles_sent += 1
         return AngleSample(
             seq=self._angles_sent - 1,
@@ -180,6 +162,28 @@ class VisionTask:
             saturation=fit.saturation,
             links=links,
         )
+
+    def _links(
+        self, frame: Frame, placed: PlacedFit, middle_ns: int
+    ) -> tuple[int, tuple[LinkAngle, ...]]:
+        """Compose the averaged angles of the links, and the time at which they hold [ns]."""
+        fit = placed.fit
+        if fit.angle_rad is None or fit.sigma_rad is None:
+            return middle_ns, ()
+        line = _seen_line(fit, fit.angle_rad, placed.pivot_px, frame.height)
+        t_ns = middle_ns + _readout_delay_ns(frame, line)
+        true = self._geometry.true_angle(line, placed.offset_rad, placed.position_m)
+        mean = self._average.add(t_ns, true.angle_rad, true.gain * fit.sigma_rad)
+        cable = _link_angle(mean, line, true)
+        if fit.lower is None:
+            self._lower_average.restart()
+            return mean.t_ns, (cable,)
+        joint_px = fit.lower.joint_px
+        rows = (joint_px[1], frame.height - 1.0)
+        lower = SeenLine(*joint_px, fit.lower.angle_rad, *rows)
+        true = self._geometry.lower_angle(lower, placed.offset_rad, placed.position_m)
+        lower_mean = self._lower_average.add(t_ns, true.angle_rad, true.gain * fit.lower.sigma_rad)
+        return mean.t_ns, (cable, _link_angle(lower_mean, lower, true))
 
     def _measure(self, frame: Frame, pivot_px: tuple[float, float]) -> tuple[Fit, InvalidReason]:
         """Measure the angle of a frame; the tracker restarts after a frame it cannot use.
@@ -201,27 +205,6 @@ class VisionTask:
         fit = self._tracker.measure(red, pivot_px)
         return fit, InvalidReason(fit.reason.value)
 
-    def _platform_at(self, t_ns: int) -> Position | None:
-        """Interpolate the position of the platform at t_ns.
-
-        Cubic Hermite between samples, constant velocity outside; None farther than
-        max_extrapolation_ns from all samples.
-        """
-        if not self._platform:
-            return None
-        nearest_ns = min(abs(t_ns - p.t_ns) for p in self._platform)
-        if nearest_ns > self._settings.max_extrapolation_ns:
-            return None
-        before = [p for p in self._platform if p.t_ns <= t_ns]
-        after = [p for p in self._platform if p.t_ns > t_ns]
-        if before and after:
-            return _hermite(before[-1], after[0], t_ns)
-        nearest = before[-1] if before else after[0]
-        elapsed_s = (t_ns - nearest.t_ns) / NS_PER_S
-        pairs = zip(nearest.position_m, nearest.velocity_m_s, strict=True)
-        x, y, z = (place + elapsed_s * v for place, v in pairs)
-        return x, y, z
-
     def _offset_at(self, place_m: float, background: float) -> Offset:
         return self._offsets.at(place_m, background) if self._offsets else Offset(0.0, within=True)
 
@@ -235,6 +218,17 @@ def _geometry(settings: VisionSettings, axis: int) -> CableGeometry:
         (settings.width, settings.height),
         axis,
         settings.camera_distance_m,
+    )
+
+
+def _link_angle(mean: Angle, line: SeenLine, true: TrueAngle) -> LinkAngle:
+    """Compose the message of a link from its average and its line in the newest picture."""
+    return LinkAngle(
+        angle_rad=mean.angle_rad,
+        sigma_rad=mean.sigma_rad,
+        raw_rad=line.slope_rad,
+        offset_rad=line.slope_rad - true.angle_rad,
+        joint_px=(line.column_px, line.row_px),
     )
 
 
@@ -255,20 +249,6 @@ def _readout_delay_ns(frame: Frame, line: SeenLine) -> int:
     the slope y_1 + y_2: the fitted slope is that at the time (y_1 + y_2 - y_p) row_ns.
     """
     return round(frame.row_ns * (line.first_row + line.last_row - line.row_px))
-
-
-def _hermite(a: PlatformPoint, b: PlatformPoint, t_ns: int) -> Position:
-    """Evaluate the cubics through both positions and velocities at a.t_ns <= t_ns <= b.t_ns."""
-    h = (b.t_ns - a.t_ns) / NS_PER_S
-    s = (t_ns - a.t_ns) / NS_PER_S / h
-    places = []
-    ends = zip(a.position_m, b.position_m, a.velocity_m_s, b.velocity_m_s, strict=True)
-    for first, last, v_first, v_last in ends:
-        rise = last - first
-        bend = (1.0 - s) * (h * v_first - rise) - s * (h * v_last - rise)
-        places.append(first + s * rise + s * (1.0 - s) * bend)
-    x, y, z = places
-    return x, y, z
 
 
 def build(settings: bytes) -> VisionTask:
