@@ -56,6 +56,7 @@ class VisionSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
     camera_distance_m: float | None = None  # from the camera to the plane of the swing
     # in place of pivot, scale and distance; the offsets are then those that it leaves
     model: CameraParameters | None = None
+    rows: int = 0  # of the picture that the tracker uses, from the top; 0 = all
     average_frames: int = 3
     processing_ns: int = 2_000_000  # from the arrival of the frame to the sending of the angle
     max_extrapolation_ns: int = 20_000_000  # of the platform position, from its nearest sample
@@ -83,7 +84,8 @@ class VisionTask:
         self._settings = settings
         self._channel = f"angle_{settings.camera}"
         self._axis = 0 if settings.swing_plane is SwingPlane.X else 1  # of a position
-        self._tracker = Tracker(settings.width, settings.height)
+        self._rows = min(settings.rows or settings.height, settings.height)
+        self._tracker = Tracker(settings.width, self._rows)
         self._geometry = _geometry(settings, self._axis)
         self._offsets: OffsetTable | None = None
         if settings.x_m or settings.offset_rad:
@@ -170,7 +172,7 @@ class VisionTask:
         fit = placed.fit
         if fit.angle_rad is None or fit.sigma_rad is None:
             return middle_ns, ()
-        line = _seen_line(fit, fit.angle_rad, placed.pivot_px, frame.height)
+        line = _seen_line(fit, fit.angle_rad, placed.pivot_px, self._rows)
         t_ns = middle_ns + _readout_delay_ns(frame, line)
         true = self._geometry.true_angle(line, placed.offset_rad, placed.position_m)
         mean = self._average.add(t_ns, true.angle_rad, true.gain * fit.sigma_rad)
@@ -179,7 +181,7 @@ class VisionTask:
             self._lower_average.restart()
             return mean.t_ns, (cable,)
         joint_px = fit.lower.joint_px
-        rows = (joint_px[1], frame.height - 1.0)
+        rows = (joint_px[1], self._rows - 1.0)
         lower = SeenLine(*joint_px, fit.lower.angle_rad, *rows)
         true = self._geometry.lower_angle(lower, placed.offset_rad, placed.position_m)
         lower_mean = self._lower_average.add(t_ns, true.angle_rad, true.gain * fit.lower.sigma_rad)
@@ -196,7 +198,7 @@ class VisionTask:
         if frame.pixels.shape != shape:
             self._tracker.forget()
             return Fit(), InvalidReason.BAD_IMAGE
-        red = red_plane(frame.pixels)
+        red = red_plane(frame.pixels)[: self._rows]
         if not all(map(math.isfinite, pivot_px)):
             self._tracker.forget()
             levels = grey_levels(red)
@@ -211,7 +213,7 @@ class VisionTask:
 
 def _geometry(settings: VisionSettings, axis: int) -> CableGeometry:
     if settings.model is not None:
-        return ModelGeometry(settings.model, settings.height, axis)
+        return ModelGeometry(settings.model, settings.rows or settings.height, axis)
     return TableGeometry(
         PivotModel(home_px=settings.pivot_home_px, pixels_per_m=settings.pixels_per_m),
         (settings.x_m, settings.offset_rad),

@@ -32,12 +32,14 @@ class VisionSection(Section, frozen=True, kw_only=True):
     camera: a file of `rig calibrate camera`, or "none". calibration: a file, "shipped" (with a
     camera file: no offsets), or "none" (rough_* are used then). camera_distance_m: from the camera
     to the plane of the swing; with it the pitch that the calibration shows is corrected to the
-    second order. cameras: in the order of [[bench.cameras]]; without them there is one camera, in
+    second order. rows: of the picture that are used, from the top, 0 for all: those above a joint
+    of the load. cameras: in the order of [[bench.cameras]]; without them there is one camera, in
     the plane x.
     """
 
     camera: str = "none"
     calibration: str = "shipped"
+    rows: Annotated[int, Meta(ge=0, le=4096)] = 0
     average_frames: Annotated[int, Meta(ge=1, le=50)] = 3
     processing_ms: Annotated[float, Meta(ge=0, le=1000)] = 2.0
     rough_pivot_px: tuple[Pixel, Pixel] = (321.0, -38.0)  # estimated without calibration

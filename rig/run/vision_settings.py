@@ -29,6 +29,7 @@ def vision_settings(
         width=experiment.camera.width,
         height=experiment.camera.height,
         period_ns=round(1e9 / (camera.rate_hz or IDLE_CAMERA_RATE_HZ)),
+        rows=v.rows,
         average_frames=v.average_frames,
         processing_ns=round(v.processing_ms * MS),
         pivot_home_px=pivot.home_px,
