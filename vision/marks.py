@@ -37,7 +37,7 @@ class SeenMarks(NamedTuple):
     radius_px: FloatArray  # (N,)
 
 
-class CameraPose(NamedTuple):
+class MeasuredPose(NamedTuple):
     """Pose of a camera, each sigma one standard deviation of the noise of the marks."""
 
     rotation: Vector  # Rodrigues vector of the turn from the world to the camera
@@ -100,7 +100,7 @@ def _spot(
 
 def find_pose(
     seen: SeenMarks, places_m: FloatArray, intrinsics: Intrinsics, plane: str
-) -> CameraPose:
+) -> MeasuredPose:
     """Match spots to the places (N, 3) of the marks and solve for the pose.
 
     plane: of the swing that the camera sees, x from the front, y from the right; turned by 30
@@ -114,7 +114,7 @@ def find_pose(
             "marks; must be as many at least: show every mark whole, dark on bright, and name "
             "only places that are in the picture"
         )
-    best: CameraPose | None = None
+    best: MeasuredPose | None = None
     for scale in STARTS:
         pose = _matched(seen.centres_px, places_m, intrinsics, plane, scale)
         if pose is not None and (best is None or pose.rms_px < best.rms_px):
@@ -132,7 +132,7 @@ def _matched(
     intrinsics: Intrinsics,
     plane: str,
     scale: float,
-) -> CameraPose | None:
+) -> MeasuredPose | None:
     """Match by turns: assign the nearest spots, then solve, from an upright camera."""
     predicted = _first_guess(centres_px, places_m, plane, scale)
     assigned: NDArray[np.intp] | None = None
@@ -209,7 +209,7 @@ def _pose(
     assigned: NDArray[np.intp],
     places_m: FloatArray,
     intrinsics: Intrinsics,
-) -> CameraPose | None:
+) -> MeasuredPose | None:
     found = centres_px[assigned]
     solved = _solve(found, places_m, intrinsics)
     if solved is None:
@@ -222,7 +222,7 @@ def _pose(
     variance = squares / (miss.size - 6)
     slopes = np.asarray(jacobian, np.float64)[:, :6]
     sigma = np.sqrt(variance * np.diag(np.linalg.pinv(slopes.T @ slopes)))
-    return CameraPose(
+    return MeasuredPose(
         rotation=_three(turn),
         translation_m=_three(move),
         sigma_rotation=_three(sigma[:3]),
@@ -239,7 +239,7 @@ def _three(values: FloatArray) -> Vector:
 
 
 def _mismatch(
-    pose: CameraPose | None,
+    pose: MeasuredPose | None,
     seen: SeenMarks,
     places_m: FloatArray,
     intrinsics: Intrinsics,

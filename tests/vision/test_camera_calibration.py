@@ -29,7 +29,7 @@ from vision.chessboard import (
 )
 from vision.errors import VisionError
 from vision.line_fit import Grey
-from vision.marks import CameraPose, SeenMarks, find_marks, find_pose
+from vision.marks import MeasuredPose, SeenMarks, find_marks, find_pose
 from vision.tracker import Tracker
 
 PITCH = "bench.camera.pitch_deg=5"
@@ -47,7 +47,7 @@ class Calibrated(NamedTuple):
     intrinsics: Intrinsics
     marks: SeenMarks
     places_m: NDArray[np.float64]
-    pose: CameraPose
+    pose: MeasuredPose
 
     @property
     def parameters(self) -> CameraParameters:

@@ -16,7 +16,7 @@ from rig.run.toml_file import format_value
 from vision.camera_model import CameraModel, CameraParameters, Vector
 from vision.chessboard import Intrinsics
 from vision.errors import VisionError
-from vision.marks import CameraPose
+from vision.marks import MeasuredPose
 
 NO_CAMERA_FILE = "none"
 Pair = tuple[float, float]
@@ -70,7 +70,7 @@ class CameraFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
             refused={},
         )
 
-    def with_pose(self, pose: CameraPose, plane: str, made: str) -> CameraFile:
+    def with_pose(self, pose: MeasuredPose, plane: str, made: str) -> CameraFile:
         """Return the same camera with another pose, from which it sees a plane."""
         table = PoseTable(
             rotation=pose.rotation,

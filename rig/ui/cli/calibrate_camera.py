@@ -21,7 +21,7 @@ from rig.ui.cli.output import print_json
 from rig.ui.cli.page import plain_table, print_paragraph, print_table, print_whole
 from vision.camera_model import CameraModel
 from vision.chessboard import BoardSize, Intrinsics, calibrate_intrinsics, find_boards
-from vision.marks import CameraPose, find_marks, find_pose
+from vision.marks import MeasuredPose, find_marks, find_pose
 
 CORNERS = re.compile(r"(\d{1,2})\s*[xX]\s*(\d{1,2})")
 MIN_CORNERS, MAX_CORNERS = 3, 40
@@ -86,7 +86,7 @@ def camera(
         found = find_boards(read_pictures(boards or []), size)
         intrinsics = calibrate_intrinsics(found, size)
         calibrated = _file_of(intrinsics, found.size_px, plane or "x", name)
-    pose: CameraPose | None = None
+    pose: MeasuredPose | None = None
     if marks is not None and places is not None:
         seen_plane = plane or calibrated.plane
         pose = _pose(calibrated, marks, places, seen_plane)
@@ -155,7 +155,7 @@ def _file_of(intrinsics: Intrinsics, size_px: tuple[int, int], plane: str, name:
     )
 
 
-def _pose(calibrated: CameraFile, marks: Path, places: Path, plane: str) -> CameraPose:
+def _pose(calibrated: CameraFile, marks: Path, places: Path, plane: str) -> MeasuredPose:
     picture = mean_picture(read_pictures([marks]))
     if picture.shape != (calibrated.height, calibrated.width):
         raise ConfigError(
