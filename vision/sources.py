@@ -1,22 +1,24 @@
-"""Frames of a video file."""
+"""Sources of frames: what the user names, opened as what it is."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
-from itertools import count
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 
 from vision.errors import VisionError
+from vision.live import open_camera, open_pipeline
+from vision.pictures import ENDINGS, Pictures
+from vision.stream import FrameStream, Image, SourceOptions
+from vision.video_file import VideoFile
 
-Image = np.ndarray[Any, np.dtype[np.uint8]]
-
+MAX_RATE_HZ = 1e6
+PIPELINE_LINK = " ! "  # between the elements of a GStreamer pipeline
+DEFAULT_OPTIONS = SourceOptions()
 RED = 2  # OpenCV orders blue, green, red
-MIN_FPS, MAX_FPS = 1.0, 10_000.0  # containers without a rate report 0, NaN, 90,000 or 1,000,000
 
 
 class VideoFrame(NamedTuple):
@@ -27,51 +29,50 @@ class VideoFrame(NamedTuple):
     red: Image  # red plane, (height, width) uint8
 
 
-def video_frames(path: Path) -> Iterator[VideoFrame]:
-    """Read the frames of a video file; t_s = index / frame rate of the container.
+def open_source(where: str | Path, options: SourceOptions = DEFAULT_OPTIONS) -> FrameStream:
+    """Open a source of frames by name.
 
-    The time stamps of the container (CAP_PROP_POS_MSEC) are not used: they repeat the first one or
-    jump with seeking, differently for each backend and version. A constant frame rate is assumed;
-    a lost frame shifts those after it. A grey video gives its only plane. Raises VisionError,
-    before the first frame, if path is not a readable video.
+    where: video file, folder of pictures, printf pattern of pictures, number or path of a camera,
+    text of a GStreamer pipeline, folder or log of a run. Raises VisionError with what was found
+    and the next step.
     """
+    _check(options)
+    text = str(where)
+    path = Path(where)
+    if text.isdigit() or text.startswith("/dev/"):
+        return open_camera(text, options)
+    if PIPELINE_LINK in text:
+        return open_pipeline(text, options)
+    if path.suffix == ".mcap" or (path / "run.mcap").is_file():
+        # only a log needs comms, which reading pixels does without
+        from vision.log_source import LogSource
+
+        return LogSource(path, options)
+    if path.is_dir() or "%" in path.name or path.suffix.lower() in ENDINGS:
+        return Pictures(path, options)
     if not path.is_file():
-        raise VisionError(f"{path}: no such file; need a video file: check the path")
-    capture = _open(path)
-    fps = _check_rate(path, capture.get(cv2.CAP_PROP_FPS))
-    return _read_frames(capture, fps)
-
-
-def _open(path: Path) -> cv2.VideoCapture:
-    # keep the messages of FFmpeg off stderr; the exception below says the same
-    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
-    capture = cv2.VideoCapture(str(path))
-    if not capture.isOpened():
         raise VisionError(
-            f"{path}: {path.stat().st_size} bytes, but no video that OpenCV can read: "
-            "convert it to FFV1 or MJPG"
+            f"{path}: no such file; need a video file, a folder or printf pattern of pictures, a "
+            "camera (0 or /dev/video0) or the log of a run: check the path"
         )
-    return capture
+    return VideoFile(path, options)
 
 
-def _check_rate(path: Path, fps: float) -> float:
-    if not MIN_FPS <= fps <= MAX_FPS:
+def _check(options: SourceOptions) -> None:
+    rate_hz, from_s, to_s = options.rate_hz, options.from_s, options.to_s
+    if rate_hz is not None and not 0.0 < rate_hz <= MAX_RATE_HZ:
         raise VisionError(
-            f"{path}: frame rate {fps} Hz; must be {MIN_FPS} to {MAX_FPS}: "
-            "write the video with its true rate"
+            f"rate {rate_hz:g} Hz; must be more than 0 and at most {MAX_RATE_HZ:g}: give the rate "
+            "at which the frames were taken"
         )
-    return fps
+    if from_s is not None and to_s is not None and not from_s < to_s:
+        raise VisionError(f"from {from_s:g} s to {to_s:g} s; must be a range: exchange the two")
 
 
-def _read_frames(capture: cv2.VideoCapture, fps: float) -> Iterator[VideoFrame]:
-    try:
-        for index in count():
-            ok, image = capture.read()
-            if not ok:
-                return
-            yield VideoFrame(index, index / fps, red_plane(np.asarray(image, np.uint8)))
-    finally:
-        capture.release()
+def video_frames(path: Path) -> Iterator[VideoFrame]:
+    """Read the red planes of a video file; raises VisionError before the first frame."""
+    source = open_source(path)
+    return (VideoFrame(f.number, f.t_s, red_plane(f.image)) for f in source.frames())
 
 
 def red_plane(image: Image) -> Image:

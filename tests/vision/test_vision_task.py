@@ -381,25 +381,3 @@ def test_a_file_that_is_no_video_is_refused_with_a_single_message(
     assert run.stderr.startswith("refused: ")
     assert "1200 bytes" in run.stderr
     assert run.stderr.count("\n") == 1
-
-
-@pytest.mark.parametrize("fps", [0.1, 90_000.0, math.nan])
-def test_a_frame_rate_out_of_range_is_refused(
-    tmp_path: Path, fps: float, monkeypatch: pytest.MonkeyPatch, camera: Camera
-) -> None:
-    path = written_video(tmp_path / "one.avi", [cable_at(camera, 0.0)], 50.0)
-
-    class Misreporting:
-        def __init__(self, name: str) -> None:
-            self.true = opened(name)
-
-        def get(self, what: int) -> float:
-            return fps if what == cv2.CAP_PROP_FPS else self.true.get(what)
-
-        def isOpened(self) -> bool:
-            return self.true.isOpened()
-
-    opened = cv2.VideoCapture
-    monkeypatch.setattr(cv2, "VideoCapture", Misreporting)
-    with pytest.raises(VisionError, match="frame rate"):
-        video_frames(path)
