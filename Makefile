@@ -38,7 +38,8 @@ OLDEST_LEAVES_OUT := $(addprefix --ignore=tests/,test_readme_commands.py test_en
   rig/ui/test_track_benchmark.py rig/ui/test_page.py rig/ui/test_report.py rig/ui/test_planner_list.py \
   rig/ui/test_running_run.py rig/ui/test_size_command.py rig/ui/test_stop_command.py rig/ui/test_sim_command.py \
   rig/ui/test_servo_shaping_command.py rig/ui/test_servo_notch_command.py rig/ui/test_screw_chart.py \
-  vision/test_cable_shapes.py comms/test_other_readers.py \
+  vision/test_cable_shapes.py comms/test_other_readers.py rig/ui/test_command_line.py rig/run/test_virtual_ledger.py \
+  planners/test_boundary_value_numerical.py rig/run/test_waypoints.py \
   rig/run/test_two_cameras.py rig/ui/test_calibrate_command.py rig/ui/test_calibrate_camera_command.py \
   rig/ui/test_help.py rig/ui/test_law_commands.py \
   rig/ui/test_report_in_browser.py rig/ui/test_servo_observer_command.py) \
