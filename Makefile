@@ -33,7 +33,15 @@ OLDEST_LEAVES_OUT := $(addprefix --ignore=tests/,test_readme_commands.py test_en
   rig/run/test_joint_run.py rig/run/test_loads.py rig/run/test_quattro_run.py rig/run/test_buffered.py \
   rig/run/test_path.py rig/studies/test_dropouts.py rig/studies/test_servo_friction.py rig/studies/test_servo_pareto.py \
   rig/studies/test_servo_compare.py rig/studies/test_low_speed_ripple.py rig/studies/test_source_004.py \
-  rig/studies/test_source_004_links.py rig/studies/test_free_cart.py rig/ui/test_help.py rig/ui/test_law_commands.py \
+  rig/studies/test_source_004_links.py rig/studies/test_free_cart.py rig/studies/test_kit_page.py \
+  rig/studies/test_scenes.py rig/studies/test_kit.py rig/studies/test_compare.py rig/studies/test_sizing_file.py \
+  rig/ui/test_track_benchmark.py rig/ui/test_page.py rig/ui/test_report.py rig/ui/test_planner_list.py \
+  rig/ui/test_running_run.py rig/ui/test_size_command.py rig/ui/test_stop_command.py rig/ui/test_sim_command.py \
+  rig/ui/test_servo_shaping_command.py rig/ui/test_servo_notch_command.py rig/ui/test_screw_chart.py \
+  vision/test_cable_shapes.py comms/test_other_readers.py rig/ui/test_command_line.py rig/run/test_virtual_ledger.py \
+  planners/test_boundary_value_numerical.py rig/run/test_waypoints.py \
+  rig/run/test_two_cameras.py rig/ui/test_calibrate_command.py rig/ui/test_calibrate_camera_command.py \
+  rig/ui/test_help.py rig/ui/test_law_commands.py \
   rig/ui/test_report_in_browser.py rig/ui/test_servo_observer_command.py) \
   $(addprefix --ignore=,$(filter-out tests/sim_rig/test_bench_camera.py,$(wildcard tests/sim_rig/test_*.py)))
 test-oldest: pyproject.toml constraints-oldest.txt

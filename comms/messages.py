@@ -204,10 +204,11 @@ class Frame(Message, frozen=True, gc=False, kw_only=True):
 class LinkAngle(msgspec.Struct, frozen=True, gc=False, kw_only=True):
     """Angle of a link in a swing plane: 0 = hanging, positive = lower end ahead on the axis."""
 
-    angle_rad: Radians  # offset removed, moving average applied
+    angle_rad: Radians  # against the vertical, moving average applied
     sigma_rad: Annotated[float, Meta(ge=0.0, le=1.6)]
-    raw_rad: Radians  # of the newest frame alone
-    offset_rad: Radians  # of the newest frame
+    raw_rad: Radians  # slope angle in the newest frame alone
+    # raw_rad less the angle against the vertical in that frame: offset and perspective
+    offset_rad: Radians
     joint_px: tuple[Pixels, Pixels] | None  # column and row of the upper end of the link
 
 

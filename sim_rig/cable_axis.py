@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_rig.cable_state import CableState
-from sim_rig.camera_pose import CameraPose
+from sim_rig.camera_pose import PosedCamera
 
 FloatArray = NDArray[np.float64]
 GLOBAL_SAMPLES = 3  # of an exposure: start, middle and end
@@ -38,7 +38,7 @@ class CableAxis(NamedTuple):
 class AxisProjector:
     """Projection of the states during an exposure to the axis in the image."""
 
-    def __init__(self, pose: CameraPose, height: int, exposure_s: float, row_s: float) -> None:
+    def __init__(self, pose: PosedCamera, height: int, exposure_s: float, row_s: float) -> None:
         self._pose = pose
         self._height = height
         self._rows = np.arange(height, dtype=np.float64)

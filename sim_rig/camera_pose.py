@@ -26,7 +26,7 @@ AXES = {
 }
 
 
-class CameraPose:
+class PosedCamera:
     """Pose and lens of a camera; turned about its own centre: yaw, then pitch, then roll."""
 
     def __init__(self, camera: CameraParams, view: View, home_m: Position) -> None:

@@ -17,7 +17,7 @@ from sim_rig import shapes
 from sim_rig.cable_axis import AxisProjector, CableAxis
 from sim_rig.cable_state import CableState
 from sim_rig.camera_objects import Glare, Knots, LoadInPicture, Shadow
-from sim_rig.camera_pose import CameraPose
+from sim_rig.camera_pose import PosedCamera
 from sim_rig.coverage import Strips, coverage, derivative
 from sim_rig.layers import Canvas, Layers
 from sim_rig.light import Light
@@ -55,7 +55,7 @@ class Imager:
         exposure_s, row_s = camera.exposure_ms * 1e-3, camera.row_us * 1e-6
         self._shape = view.height, view.width
         self._camera = camera
-        self._pose = CameraPose(camera, view, params.home_m)
+        self._pose = PosedCamera(camera, view, params.home_m)
         self.projector = AxisProjector(self._pose, view.height, exposure_s, row_s)
         self.instants_ns = [round(1e9 * instant) for instant in self.projector.instants_s]
         self._cable = CableShape(camera.cable_width_px, camera.psf_px, 1.0)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sim_rig import shapes
 from sim_rig.camera_objects import Chessboard, Dust, Hand, Mark, Patch, PictureObject, StaticLine
-from sim_rig.camera_pose import CameraPose
+from sim_rig.camera_pose import PosedCamera
 
 FloatArray = NDArray[np.float64]
 Image = NDArray[np.float32]
@@ -39,7 +39,11 @@ class Layers:
     """Static objects of a picture; the layers are drawn anew where an object comes or goes."""
 
     def __init__(
-        self, objects: Sequence[PictureObject], pose: CameraPose, home_m: FloatArray, canvas: Canvas
+        self,
+        objects: Sequence[PictureObject],
+        pose: PosedCamera,
+        home_m: FloatArray,
+        canvas: Canvas,
     ) -> None:
         self._pose = pose
         self._home_m = home_m

@@ -13,7 +13,7 @@ from scipy.special import ndtr
 
 from sim_rig.cable_axis import CableAxis
 from sim_rig.camera_objects import Chessboard, Hand, Patch, StaticLine
-from sim_rig.camera_pose import CameraPose
+from sim_rig.camera_pose import PosedCamera
 from sim_rig.coverage import coverage
 from sim_rig.profile import CableShape
 
@@ -97,7 +97,7 @@ def hand(item: Hand, origin_px: FloatArray, blur_px: float, shape: tuple[int, in
 
 
 def chessboard(
-    item: Chessboard, pose: CameraPose, home_m: FloatArray, blur_px: float, shape: tuple[int, int]
+    item: Chessboard, pose: PosedCamera, home_m: FloatArray, blur_px: float, shape: tuple[int, int]
 ) -> tuple[Image, Image]:
     """Draw a chessboard: the share of each pixel that it covers, and its level there.
 
@@ -130,7 +130,7 @@ def chessboard(
 
 
 def _fine_places(
-    box: Box, pose: CameraPose, origin_m: FloatArray, along_m: FloatArray
+    box: Box, pose: PosedCamera, origin_m: FloatArray, along_m: FloatArray
 ) -> FloatArray:
     """Find the places on a plane of the samples of the pixels in a box (2, rows, columns).
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 from vision.blob import find_blob
 from vision.bob_look import BobLook
+from vision.fit import Fit, TrackFailure
 from vision.line_fit import Grey
 from vision.ridge import grey_levels
-from vision.tracker import Fit, TrackFailure
 
 MAX_AREA_RATIO = 1.6  # of the area in the first look; more or less is something else
 MAX_MISS_PX = 3.0  # of the distance from the pivot

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from vision.fit import Fit
 from vision.free_lines import find_lines
 from vision.line_fit import Grey, ImageLine
 from vision.pivot_fit import MeasuredLine
@@ -16,7 +17,7 @@ from vision.profile_look import measure_look
 from vision.ridge import grey_levels
 from vision.static_scene import StaticScene, median_picture
 from vision.templates import CableLook, make_templates
-from vision.tracker import Fit, Tracker
+from vision.tracker import Tracker
 
 MIN_SHARE = 0.25  # of the pictures with a line that moved
 MIN_PICTURES = 5  # fewer cannot tell what moves

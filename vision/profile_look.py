@@ -14,6 +14,10 @@ from vision.templates import CableLook
 BINS_PER_PX = 2
 MIN_BLUR_PX, MAX_BLUR_PX = 0.3, 12.0
 MAX_WIDTH_PX = 40.0
+# of width, blur, centre [px], level [grey], trend [grey/px] and contrast [grey]
+SCALES = (1.0, 1.0, 0.1, 10.0, 0.1, 50.0)
+TOLERANCE_REL = 1e-5
+MAX_EVALUATIONS = 40  # a blurred narrow line and a sharp wide one differ little: near is enough
 MIN_CONTRAST_SIGMAS = 3.0  # of the profile against its own residual
 
 
@@ -63,7 +67,15 @@ def measure_look(
     lower = np.array([0.3, MIN_BLUR_PX, -0.5 * reach, -50.0, -5.0, 0.0])
     upper = np.array([MAX_WIDTH_PX, MAX_BLUR_PX, 0.5 * reach, 350.0, 5.0, 600.0])
     start = np.clip(guessed, lower + 1e-3, upper - 1e-3)
-    found = least_squares(residual, start, bounds=(lower, upper))
+    found = least_squares(
+        residual,
+        start,
+        bounds=(lower, upper),
+        x_scale=SCALES,
+        ftol=TOLERANCE_REL,
+        xtol=TOLERANCE_REL,
+        max_nfev=MAX_EVALUATIONS,
+    )
     width, blur, centre, _, _, contrast = found.x
     scatter = span * math.sqrt(2.0 * found.cost / distance.size)
     depth = contrast * (2.0 * float(ndtr(0.5 * width / blur)) - 1.0)

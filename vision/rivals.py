@@ -27,8 +27,8 @@ class RivalWatch:
     def __init__(self, width: int, height: int) -> None:
         self._width = width
         self._height = height
-        # pictures since the last rival; the first picture is looked at
-        self._since = MEMORY_FRAMES + CHECK_FRAMES - (MEMORY_FRAMES % CHECK_FRAMES) - 1
+        self._since = MEMORY_FRAMES  # pictures since the last rival
+        self._looked_at = 0  # pictures
 
     def is_rivalled(
         self,
@@ -40,7 +40,10 @@ class RivalWatch:
     ) -> bool:
         """Tell if there is, or was a moment ago, another line as dark through the pivot."""
         self._since += 1
-        is_due = self._since < MEMORY_FRAMES or self._since % CHECK_FRAMES == 0
+        self._looked_at += 1
+        # a line that hides behind the cable in the first picture comes out in one of the next
+        is_new = min(self._since, self._looked_at) < MEMORY_FRAMES
+        is_due = is_new or self._since % CHECK_FRAMES == 0
         if is_due and self._sees_rival(image, levels, measured, pivot_px, static):
             self._since = 0
             return True

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import deque
+import math
 from typing import NamedTuple
 
 import cv2
@@ -17,20 +17,22 @@ from comms.messages import (
     LinkAngle,
     Message,
     Phase,
+    Position,
     RobotState,
     SwingPlane,
 )
 from comms.replies import Replies
 from comms.task import NO_STEP, Send, Step
-from vision.filters import MovingAverage
-from vision.geometry import PivotModel
+from vision.cable_geometry import CableGeometry, ModelGeometry, TableGeometry
+from vision.camera_model import CameraParameters, SeenLine
+from vision.filters import Angle, MovingAverage
+from vision.geometry import PivotModel, TrueAngle
 from vision.offset_table import LightOffsets, Offset, OffsetTable
+from vision.platform_track import PlatformPoint, PlatformTrack
 from vision.ridge import grey_levels
 from vision.sources import red_plane
 from vision.tracker import Fit, Tracker
 
-MAX_PLATFORM_SAMPLES = 32  # 320 ms at 100 Hz, the time of 16 frames at 50 Hz
-NS_PER_S = 1e9
 MAX_GAP_PERIODS = 1.5  # between two time stamps; beyond, a frame is missing
 
 
@@ -51,17 +53,27 @@ class VisionSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
     offset_rad: list[float]
     background: float | None = None  # level of the screen at these offsets
     lights: list[LightOffsets] = []  # offsets at the same positions in other light
+    camera_distance_m: float | None = None  # from the camera to the plane of the swing
+    # in place of pivot, scale and distance; the offsets are then those that it leaves
+    model: CameraParameters | None = None
+    rows: int = 0  # of the picture that the tracker uses, from the top; 0 = all
     average_frames: int = 3
     processing_ns: int = 2_000_000  # from the arrival of the frame to the sending of the angle
     max_extrapolation_ns: int = 20_000_000  # of the platform position, from its nearest sample
 
+    @property
+    def has_angle_scale(self) -> bool:
+        """True if the perspective is corrected, by a model or the slope of an offset table."""
+        return self.model is not None or len(self.x_m) > 1
 
-class PlatformPoint(NamedTuple):
-    """Position and velocity of the platform on the axis of the swing plane."""
 
-    t_ns: int
-    place_m: float
-    v_m_s: float
+class PlacedFit(NamedTuple):
+    """Fit of a picture, with the platform at that time."""
+
+    fit: Fit
+    pivot_px: tuple[float, float]  # predicted
+    position_m: Position
+    offset_rad: float  # of the offset table
 
 
 class VisionTask:
@@ -72,8 +84,9 @@ class VisionTask:
         self._settings = settings
         self._channel = f"angle_{settings.camera}"
         self._axis = 0 if settings.swing_plane is SwingPlane.X else 1  # of a position
-        self._tracker = Tracker(settings.width, settings.height)
-        self._pivot = PivotModel(home_px=settings.pivot_home_px, pixels_per_m=settings.pixels_per_m)
+        self._rows = min(settings.rows or settings.height, settings.height)
+        self._tracker = Tracker(settings.width, self._rows)
+        self._geometry = _geometry(settings, self._axis)
         self._offsets: OffsetTable | None = None
         if settings.x_m or settings.offset_rad:
             self._offsets = OffsetTable(
@@ -81,7 +94,8 @@ class VisionTask:
             )
         max_gap_ns = int(MAX_GAP_PERIODS * settings.period_ns)
         self._average = MovingAverage(settings.average_frames, max_gap_ns)
-        self._platform: deque[PlatformPoint] = deque(maxlen=MAX_PLATFORM_SAMPLES)
+        self._lower_average = MovingAverage(settings.average_frames, max_gap_ns)
+        self._platform = PlatformTrack(settings.max_extrapolation_ns)
         self._angles_sent = 0
         self._replies = Replies(self.name)
         self.late_ticks = 0  # the task has no ticks
@@ -95,7 +109,8 @@ class VisionTask:
         """Process a platform position, a frame or a command; ignore all others."""
         match message:
             case RobotState():
-                self._store_platform(message)
+                position_m, v_m_s = message.actual_m, message.actual_velocity_m_s
+                self._platform.store(PlatformPoint(message.t_actual_ns, position_m, v_m_s))
             case Frame():
                 at_ns = t_ns + self._settings.processing_ns
                 return Step((Send(self._channel, self._sample(message, at_ns), at_ns),))
@@ -112,36 +127,27 @@ class VisionTask:
         """Do nothing; no shutdown action."""
         return NO_STEP
 
-    def _store_platform(self, state: RobotState) -> None:
-        if self._platform and state.t_actual_ns <= self._platform[-1].t_ns:
-            return  # older than the newest sample
-        place_m = state.actual_m[self._axis]
-        v_m_s = state.actual_velocity_m_s[self._axis]
-        self._platform.append(PlatformPoint(state.t_actual_ns, place_m, v_m_s))
-
     def _sample(self, frame: Frame, at_ns: int) -> AngleSample:
         middle_ns = frame.t_exposure_start_ns + frame.exposure_ns // 2
-        place_m = self._platform_at(middle_ns)
-        fit, reason = self._measure(frame, place_m)
+        position_m = self._platform.at(middle_ns)
+        pivot_px = (math.nan, math.nan)
+        if position_m is not None:
+            pivot_px = self._geometry.pivot_px(position_m)
+        fit, reason = self._measure(frame, pivot_px)
+        if position_m is None and reason is not InvalidReason.BAD_IMAGE:
+            reason = InvalidReason.NO_PLATFORM
+        place_m = None if position_m is None else position_m[self._axis]
         offset = self._offset_at(place_m or 0.0, fit.background)
         if reason is InvalidReason.NONE and not offset.within:
             reason = InvalidReason.OUT_OF_RANGE
         t_valid_ns = middle_ns
         links: tuple[LinkAngle, ...] = ()
-        if reason is InvalidReason.NONE and fit.angle_rad is not None and fit.sigma_rad is not None:
-            t_ns = middle_ns + self._readout_delay_ns(frame)
-            mean = self._average.add(t_ns, fit.angle_rad - offset.offset_rad, fit.sigma_rad)
-            t_valid_ns = mean.t_ns
-            cable = LinkAngle(
-                angle_rad=mean.angle_rad,
-                sigma_rad=mean.sigma_rad,
-                raw_rad=fit.angle_rad,
-                offset_rad=offset.offset_rad,
-                joint_px=self._joint_px(place_m or 0.0, fit),
-            )
-            links = (cable,)
+        if reason is InvalidReason.NONE and position_m is not None:
+            placed = PlacedFit(fit, pivot_px, position_m, offset.offset_rad)
+            t_valid_ns, links = self._links(frame, placed, middle_ns)
         else:
             self._average.restart()
+            self._lower_average.restart()
         self._angles_sent += 1
         return AngleSample(
             seq=self._angles_sent - 1,
@@ -159,64 +165,92 @@ class VisionTask:
             links=links,
         )
 
-    def _joint_px(self, place_m: float, fit: Fit) -> tuple[float, float]:
-        """Locate the upper end of the cable: on the fitted line, in the row of the pivot."""
-        column_px, row_px = self._pivot.pivot_px(place_m)
-        return column_px + (fit.pivot_miss_px or 0.0), row_px
+    def _links(
+        self, frame: Frame, placed: PlacedFit, middle_ns: int
+    ) -> tuple[int, tuple[LinkAngle, ...]]:
+        """Compose the averaged angles of the links, and the time at which they hold [ns]."""
+        fit = placed.fit
+        if fit.angle_rad is None or fit.sigma_rad is None:
+            return middle_ns, ()
+        line = _seen_line(fit, fit.angle_rad, placed.pivot_px, self._rows)
+        t_ns = middle_ns + _readout_delay_ns(frame, line)
+        true = self._geometry.true_angle(line, placed.offset_rad, placed.position_m)
+        mean = self._average.add(t_ns, true.angle_rad, true.gain * fit.sigma_rad)
+        cable = _link_angle(mean, line, true)
+        if fit.lower is None:
+            self._lower_average.restart()
+            return mean.t_ns, (cable,)
+        joint_px = fit.lower.joint_px
+        rows = (joint_px[1], self._rows - 1.0)
+        lower = SeenLine(*joint_px, fit.lower.angle_rad, *rows)
+        true = self._geometry.lower_angle(lower, placed.offset_rad, placed.position_m)
+        lower_mean = self._lower_average.add(t_ns, true.angle_rad, true.gain * fit.lower.sigma_rad)
+        return mean.t_ns, (cable, _link_angle(lower_mean, lower, true))
 
-    def _measure(self, frame: Frame, place_m: float | None) -> tuple[Fit, InvalidReason]:
-        """Measure the angle of a frame; the tracker restarts after a frame it cannot use."""
+    def _measure(self, frame: Frame, pivot_px: tuple[float, float]) -> tuple[Fit, InvalidReason]:
+        """Measure the angle of a frame; the tracker restarts after a frame it cannot use.
+
+        A pivot of NaN, of a platform that is unknown or behind the camera, gives the levels alone.
+        """
         shape: tuple[int, ...] = self._settings.height, self._settings.width
         if frame.encoding == "bgr8":
             shape = (*shape, 3)
         if frame.pixels.shape != shape:
             self._tracker.forget()
             return Fit(), InvalidReason.BAD_IMAGE
-        red = red_plane(frame.pixels)
-        if place_m is None:
+        red = red_plane(frame.pixels)[: self._rows]
+        if not all(map(math.isfinite, pivot_px)):
             self._tracker.forget()
             levels = grey_levels(red)
             fit = Fit(background=levels.background, saturation=levels.saturation)
-            return fit, InvalidReason.NO_PLATFORM
-        fit = self._tracker.measure(red, self._pivot.pivot_px(place_m))
+            return fit, InvalidReason.OUT_OF_RANGE
+        fit = self._tracker.measure(red, pivot_px)
         return fit, InvalidReason(fit.reason.value)
-
-    def _platform_at(self, t_ns: int) -> float | None:
-        """Interpolate the place of the platform at t_ns [m].
-
-        Cubic Hermite between samples, constant velocity outside; None farther than
-        max_extrapolation_ns from all samples.
-        """
-        if not self._platform:
-            return None
-        nearest_ns = min(abs(t_ns - p.t_ns) for p in self._platform)
-        if nearest_ns > self._settings.max_extrapolation_ns:
-            return None
-        before = [p for p in self._platform if p.t_ns <= t_ns]
-        after = [p for p in self._platform if p.t_ns > t_ns]
-        if before and after:
-            return _hermite(before[-1], after[0], t_ns)
-        nearest = before[-1] if before else after[0]
-        return nearest.place_m + nearest.v_m_s * (t_ns - nearest.t_ns) / NS_PER_S
 
     def _offset_at(self, place_m: float, background: float) -> Offset:
         return self._offsets.at(place_m, background) if self._offsets else Offset(0.0, within=True)
 
-    def _readout_delay_ns(self, frame: Frame) -> int:
-        """Compute the delay of the angle after the exposure of row 0, for a rolling shutter [ns].
 
-        row_ns (height - pivot row), to first order.
-        """
-        return round(frame.row_ns * (frame.height - self._settings.pivot_home_px[1]))
+def _geometry(settings: VisionSettings, axis: int) -> CableGeometry:
+    if settings.model is not None:
+        return ModelGeometry(settings.model, settings.rows or settings.height, axis)
+    return TableGeometry(
+        PivotModel(home_px=settings.pivot_home_px, pixels_per_m=settings.pixels_per_m),
+        (settings.x_m, settings.offset_rad),
+        (settings.width, settings.height),
+        axis,
+        settings.camera_distance_m,
+    )
 
 
-def _hermite(a: PlatformPoint, b: PlatformPoint, t_ns: int) -> float:
-    """Evaluate the cubic through both positions and velocities at a.t_ns <= t_ns <= b.t_ns [m]."""
-    h = (b.t_ns - a.t_ns) / NS_PER_S
-    s = (t_ns - a.t_ns) / NS_PER_S / h
-    rise = b.place_m - a.place_m
-    bend = (1.0 - s) * (h * a.v_m_s - rise) - s * (h * b.v_m_s - rise)
-    return a.place_m + s * rise + s * (1.0 - s) * bend
+def _link_angle(mean: Angle, line: SeenLine, true: TrueAngle) -> LinkAngle:
+    """Compose the message of a link from its average and its line in the newest picture."""
+    return LinkAngle(
+        angle_rad=mean.angle_rad,
+        sigma_rad=mean.sigma_rad,
+        raw_rad=line.slope_rad,
+        offset_rad=line.slope_rad - true.angle_rad,
+        joint_px=(line.column_px, line.row_px),
+    )
+
+
+def _seen_line(fit: Fit, slope_rad: float, pivot_px: tuple[float, float], height: int) -> SeenLine:
+    """Compose the fitted line, with its point in the row of the pivot."""
+    column_px, row_px = pivot_px
+    rows = (fit.first_row, fit.last_row)
+    if fit.last_row <= fit.first_row:  # not given: all rows below the pivot
+        rows = (math.ceil(min(max(row_px, 0.0), height - 2.0)), height - 1)
+    return SeenLine(column_px + (fit.pivot_miss_px or 0.0), row_px, slope_rad, *rows)
+
+
+def _readout_delay_ns(frame: Frame, line: SeenLine) -> int:
+    """Compute the delay of the angle after the exposure of row 0, for a rolling shutter [ns].
+
+    Row y is seen y row_ns later, so that a cable whose slope s changes at the rate s' is seen at
+    x - x_p = (y - y_p)(s + s' y row_ns). The best straight line over the rows y_1 to y_2 of y^2 has
+    the slope y_1 + y_2: the fitted slope is that at the time (y_1 + y_2 - y_p) row_ns.
+    """
+    return round(frame.row_ns * (line.first_row + line.last_row - line.row_px))
 
 
 def build(settings: bytes) -> VisionTask:

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
-from vision.stream import FrameFault, SourceFrame
-from vision.tracker import Fit, TrackFailure
+from vision.fit import Fit, TrackFailure
+from vision.stream import PictureFault, SourceFrame
 from vision.video_tracker import VideoTracker
 from vision.view import Point
 
 FAULT_REASONS = (
-    (FrameFault.DAMAGED, TrackFailure.DAMAGED),
-    (FrameFault.FROZEN, TrackFailure.FROZEN),
-    (FrameFault.DUPLICATE, TrackFailure.DUPLICATE),
+    (PictureFault.DAMAGED, TrackFailure.DAMAGED),
+    (PictureFault.FROZEN, TrackFailure.FROZEN),
+    (PictureFault.DUPLICATE, TrackFailure.DUPLICATE),
 )
 
 

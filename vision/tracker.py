@@ -18,6 +18,7 @@ from vision.axis_fitter import AxisFitter
 from vision.errors import VisionError
 from vision.finder import Finder, Found
 from vision.fit import Fit, LowerLink, TrackFailure
+from vision.fit_check import CLEAR_FACTOR, judge, lower_link
 from vision.line_fit import MIN_ROWS, Grey, ImageLine
 from vision.profile_look import measure_look
 from vision.ridge import CLEAR_ROWS, Levels, grey_levels
@@ -32,18 +33,10 @@ NEWTON_STEPS = 3  # of all rows
 COLD_NEWTON_STEPS = 6  # from a line that was searched
 CONVERGED_PX = 0.15  # a last step shorter than this leaves an error below 0.001 px
 MIN_DIRECT_SHARE = 0.9  # of the rows below the pivot; they must agree while following
-MAX_PIVOT_MISS_PX = 5.0  # a line farther from the predicted pivot is not the cable
-MIN_ROWS_SHARE = 0.12  # of the image height; fewer rows are too short for a slope
-# a fit is poor if its scatter exceeds both
-MAX_SCATTER_PX = 0.3
-MAX_SCATTER_SIGMAS = 3.0  # of the noise
-MAX_STRUCTURED_RAD = 1e-3  # sigma of rows that follow something else than an axis
-MIN_BENT_SHARE = 0.6  # of the visible rows that must agree on a bent axis
 MAX_MEAN_FACTOR = 20.0
 MIN_SIZE_PX = 64
 LOOK_ROW_STEP = 2  # of the rows that show width and blur
 LOOK_CHANGE_REL = 0.15  # a template that differs less is kept
-CLEAR_FACTOR = 3.0  # chance does not correlate the rows of one frame so much
 FACTOR_WEIGHT = 0.1  # of the newest frame in the mean correlation of the rows
 # weights of the last angles in the predicted one, newest first, by the number of angles
 EXTRAPOLATION_WEIGHTS = ((), (1.0,), (2.0, -1.0), (3.0, -3.0, 1.0))
@@ -188,8 +181,8 @@ class Tracker:
             best = best or fit
         if best is not None:
             return best
-        flat = int(image.min()) == int(image.max())
-        return _failed(TrackFailure.BAD_IMAGE if flat else TrackFailure.NO_CABLE, levels)
+        is_flat = int(image.min()) == int(image.max())
+        return _failed(TrackFailure.BAD_IMAGE if is_flat else TrackFailure.NO_CABLE, levels)
 
     def _fit_found(
         self, image: Grey, levels: Levels, found: Found, pivot_px: tuple[float, float], scale: int
@@ -200,20 +193,14 @@ class Tracker:
             self._learn_look(image, Axis(found.line), pivot_px, guess)
         measured = self._refine(image, levels, Axis(found.line), pivot_px, 0.0)
         fit = self._checked(measured, levels, pivot_px)
-        others = (
-            iter(())
-            if _is_whole(measured, fit)
-            else self._other_axes(image, levels, found, pivot_px, scale)
-        )
-        for axis in others:
+        others = self._other_axes(image, levels, found, pivot_px, scale)
+        while not _is_whole(measured, fit) and (axis := next(others, None)) is not None:
             if not self._is_look_known:
                 self._learn_look(image, axis, pivot_px, CableLook(2.5 * scale, 0.5 + 0.5 * scale))
             other = self._refine(image, levels, axis, pivot_px, 0.0)
             again = self._checked(other, levels, pivot_px)
             if again.valid and (not fit.valid or again.rows > fit.rows):
                 measured, fit = other, again
-            if _is_whole(measured, fit):
-                break
         if not fit.valid or measured is None:
             return fit
         if not self._is_look_known:
@@ -271,31 +258,12 @@ class Tracker:
             factor = max(factor, measured.correlation_factor)
         return measured.sigma_slope * math.sqrt(factor) / (1.0 + measured.axis.line.slope**2)
 
-    def _failure(
-        self, measured: MeasuredAxis, levels: Levels, miss_px: float, sigma_rad: float
-    ) -> TrackFailure:
-        """Judge a fitted axis."""
-        if abs(miss_px) > MAX_PIVOT_MISS_PX:
-            return TrackFailure.PIVOT_MISSED
-        if measured.rows < max(MIN_ROWS, MIN_ROWS_SHARE * self.height):
-            is_static = measured.static_rows > measured.rows
-            return TrackFailure.STATIC if is_static else TrackFailure.FEW_ROWS
-        noise_px = levels.noise * self._fitter.first_norm / measured.curvature
-        is_scattered = measured.scatter_px > max(MAX_SCATTER_PX, MAX_SCATTER_SIGMAS * noise_px)
-        is_structured = (
-            measured.correlation_factor > CLEAR_FACTOR and sigma_rad > MAX_STRUCTURED_RAD
-        )
-        # a bent axis through a part of the rows may be that of something else
-        is_part = measured.axis.is_bent and measured.rows < MIN_BENT_SHARE * measured.visible_rows
-        if is_scattered or is_structured or is_part:
-            return TrackFailure.POOR_FIT
-        return TrackFailure.NONE
-
     def _check(self, measured: MeasuredAxis, levels: Levels, pivot_px: tuple[float, float]) -> Fit:
         line = measured.axis.line
         miss_px = line.at(pivot_px[1]) - pivot_px[0]
         sigma_rad = self._sigma_rad(measured)
-        reason = self._failure(measured, levels, miss_px, sigma_rad)
+        noise_px = levels.noise * self._fitter.first_norm / measured.curvature
+        reason = judge(measured, self.height, miss_px, sigma_rad, noise_px)
         valid = reason is TrackFailure.NONE
         if valid:
             self._axis_before, self._axis = self._axis, measured.axis
@@ -315,23 +283,13 @@ class Tracker:
             last_row=measured.last_row,
             bend_px=measured.bend_px,
             sigma_bend_px=measured.sigma_bend_px,
-            lower=_lower_link(measured) if valid else None,
+            lower=lower_link(measured) if valid else None,
         )
 
 
 def _is_whole(measured: MeasuredAxis | None, fit: Fit) -> bool:
     """Tell if nearly all rows agree on a valid axis."""
     return fit.valid and measured is not None and measured.is_whole(MIN_DIRECT_SHARE)
-
-
-def _lower_link(measured: MeasuredAxis) -> LowerLink | None:
-    axis = measured.axis
-    if axis.knee_row is None:
-        return None
-    slope = axis.line.slope + axis.knee_slope
-    sigma_rad = measured.sigma_lower_slope / (1.0 + slope**2)
-    joint = (axis.line.at(axis.knee_row), axis.knee_row)
-    return LowerLink(math.atan(slope), sigma_rad, joint)
 
 
 def _failed(reason: TrackFailure, levels: Levels) -> Fit:

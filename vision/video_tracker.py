@@ -9,8 +9,9 @@ import numpy as np
 
 from vision.bob import BobTracker
 from vision.first_look import Look, LookChoices, Subject, look
+from vision.fit import Fit, TrackFailure
 from vision.line_fit import Grey
-from vision.tracker import Fit, Tracker, TrackFailure
+from vision.tracker import Tracker
 from vision.view import Point, plane_of
 
 GATE_REASONS = (TrackFailure.NO_CABLE, TrackFailure.PIVOT_MISSED, TrackFailure.FEW_ROWS)

@@ -6,15 +6,13 @@ from contextlib import suppress
 
 import numpy as np
 
-from rig.analysis import seen_swing
 from rig.analysis.identify.decay import fit_decay, is_identifiable
 from rig.analysis.identify.errors import AnalysisError
 from rig.analysis.identify.swing import peak_swing_rad
 from rig.analysis.run_log import RunLog
+from rig.analysis.seen_swing import SeenSwing
 from rig.analysis.summary import Across
 from rig.analysis.true_load import true_amplitude_rad, true_motion
-
-PLANE_Y = 1  # in TrueMotion
 
 
 def across(run: RunLog) -> Across | None:
@@ -34,11 +32,13 @@ def _add_measured(found: Across, run: RunLog, camera: int) -> None:
     found.frames = len(samples)
     found.angles_valid = sum(a.valid for a in samples)
     frames = run.facts.average_frames
-    single = seen_swing.of_single_frames(samples, frames)
+    single = run.single_frames_of(camera)
+    started = single.t_s >= t_start_s
+    single = SeenSwing(*(column[started] for column in single))
     with suppress(AnalysisError):
         found.peak_rad = peak_swing_rad(single.t_s, single.angle_rad, *run.swing_window_s)
         found.sigma_peak_rad = float(np.median(single.sigma_rad))
-    mean = seen_swing.averaged(samples)
+    mean = run.swing_of(camera)
     after = mean.t_s >= run.t_settled_s
     period_s = 1.0 / run.facts.rate_of(camera)
     with suppress(AnalysisError):
@@ -56,11 +56,12 @@ def _add_measured(found: Across, run: RunLog, camera: int) -> None:
 
 def _add_true(found: Across, run: RunLog) -> None:
     motion = true_motion(run)
+    plane = 1 - run.main_plane
     t_s = motion.t_s
     first_s, last_s = run.swing_window_s
     shown = (t_s >= first_s) & (t_s <= last_s)
     if not shown.any():
         return
-    found.true_peak_rad = float(np.abs(motion.angles_rad[shown, 0, PLANE_Y]).max())
+    found.true_peak_rad = float(np.abs(motion.angles_rad[shown, 0, plane]).max())
     if t_s[-1] >= run.t_settled_s:
-        found.true_residual_rad = true_amplitude_rad(run, motion, PLANE_Y)
+        found.true_residual_rad = true_amplitude_rad(run, motion, plane)

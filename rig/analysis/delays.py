@@ -25,7 +25,7 @@ def latency(run: RunLog) -> Latency:
     keep = is_later(t)
     if run.plan.time_s > 0 and keep.sum() >= MIN_ROBOT_STATES:
         found.command = _ms(command_latency_s(t[keep], actual[keep], run.planned_m))
-    arrival_ns = run.receipts("angle_1")
+    arrival_ns = run.receipts(f"angle_{run.main_camera}")
     ages_ms = [
         (arrival_ns[a.seq] - a.t_valid_ns) * 1e-6
         for a in run.angles
@@ -62,7 +62,7 @@ def _exposure_to_angle_ms(run: RunLog, arrival_ns: dict[int, int]) -> list[float
 
     The vision task answers each delivered frame, in order, with one angle.
     """
-    delivered = sorted(run.receipts("frame_1").items(), key=lambda item: item[1])
+    delivered = sorted(run.receipts(f"frame_{run.main_camera}").items(), key=lambda item: item[1])
     frames = run.frames
     return [
         (arrival_ns[k] - frames[seq].t_ns) * 1e-6

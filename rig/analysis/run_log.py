@@ -20,6 +20,7 @@ from comms.mcap_log import Log, read_log
 from comms.messages import AngleSample, Command, Reference, RobotState, SwingPlane, Truth, Verb
 from comms.plan_record import PlanRecord
 from comms.records import CompressedImage, Event, FrameStamp, LinkRow, Receipts, TaskTiming
+from rig.analysis.both_planes import camera_centre_m, in_one_plane
 from rig.analysis.facts import ControllerFacts, RunFacts, read_facts
 from rig.analysis.seen_swing import FloatArray, SeenSwing, averaged, of_single_frames
 
@@ -103,15 +104,15 @@ class RunLog:
 
     @cached_property
     def angles(self) -> list[AngleSample]:
-        """All angle samples of the first camera, valid or not."""
-        return self.angles_of(1)
+        """All angle samples of the camera that sees the swing along the move, valid or not."""
+        return self.angles_of(self.main_camera)
 
     def angles_of(self, camera: int) -> list[AngleSample]:
         """Read all angle samples of a camera, counted from 1, valid or not."""
         return self.log.read(f"/angle_{camera}", AngleSample)
 
     @cached_property
-    def across_camera(self) -> int | None:
+    def _camera_of_y(self) -> int | None:
         """Number of the first camera that sees the swing in the plane y; None without one."""
         for camera in range(2, MAX_CAMERAS + 1):
             planes = {sample.swing_plane for sample in self.angles_of(camera)}
@@ -119,15 +120,72 @@ class RunLog:
                 return camera
         return None
 
+    @property
+    def main_plane(self) -> int:
+        """Plane of the swing that is analysed: 0 for x, 1 for y where the plan moves there.
+
+        It is x where cameras see that plane alone.
+        """
+        is_seen = self._camera_of_y is not None or not self.facts.rate_hz
+        return int(self.main_axis == 1 and is_seen)
+
+    @property
+    def main_camera(self) -> int:
+        """Number of the camera that sees the main plane; the first one without any."""
+        return (self._camera_of_y or 1) if self.main_plane == 1 else 1
+
+    @property
+    def across_camera(self) -> int | None:
+        """Number of the camera that sees the swing across the main plane; None without one."""
+        if self._camera_of_y is None:
+            return None
+        return 1 if self.main_plane == 1 else self._camera_of_y
+
     @cached_property
     def swing(self) -> SeenSwing:
-        """Valid averaged angles of the first camera."""
-        return averaged(self.angles)
+        """Valid averaged angles in the main plane."""
+        return self.swing_of(self.main_camera)
 
     @cached_property
     def single_frames(self) -> SeenSwing:
-        """Angles of single frames of the first camera."""
-        return of_single_frames(self.angles, self.facts.average_frames)
+        """Angles of single frames in the main plane."""
+        return self.single_frames_of(self.main_camera)
+
+    def swing_of(self, camera: int) -> SeenSwing:
+        """Compute the valid averaged angles in the plane of a camera."""
+        return self._in_one_plane(averaged(self.angles_of(camera)), camera)
+
+    def single_frames_of(self, camera: int) -> SeenSwing:
+        """Compute the angles of single frames in the plane of a camera."""
+        samples = self.angles_of(camera)
+        return self._in_one_plane(of_single_frames(samples, self.facts.average_frames), camera)
+
+    def _in_one_plane(self, seen: SeenSwing, camera: int) -> SeenSwing:
+        """Take out the swing across, which a second camera with a camera file sees."""
+        main, across = self.main_camera, self.across_camera
+        if across is None or camera not in (main, across):
+            return seen
+        other = across if camera == main else main
+        own_m, other_m = self._centre_m(camera), self._centre_m(other)
+        if own_m is None or other_m is None or not seen.t_s.size:
+            return seen
+        axis = self.main_plane if camera == main else 1 - self.main_plane
+        others = averaged(self.angles_of(other))
+        return in_one_plane(seen, others, self._positions_m(seen.t_s), (own_m, other_m), axis)
+
+    def _centre_m(self, camera: int) -> FloatArray | None:
+        """Find the centre (3,) of a camera; None without a camera file."""
+        name = "vision.json" if camera == 1 else f"vision_{camera}.json"
+        data = self.log.attachments.get(name)
+        return camera_centre_m(data) if data else None
+
+    def _positions_m(self, t_s: FloatArray) -> FloatArray:
+        """Interpolate the actual position of the platform (N, 3) at t_s (N,)."""
+        states = self.log.read("/robot_state", RobotState)
+        at_s = [state.t_actual_ns * 1e-9 for state in states]
+        places = np.array([state.actual_m for state in states]).reshape(-1, 3)
+        columns = [np.interp(t_s, at_s, places[:, axis]) for axis in range(3)]
+        return np.stack(columns, axis=1)
 
     @property
     def uncounted(self) -> list[str]:
@@ -139,10 +197,10 @@ class RunLog:
     def truth(self) -> FloatArray:
         """Truth of the platform and of the link on it (N, 4); (0, 4) on a real rig.
 
-        Along X, or along Y where the plan moves there. Columns: instant [s], angle [rad], rate
+        In the main plane. Columns: instant [s], angle [rad], rate
         [rad/s], position of the platform [m].
         """
-        is_y = self.main_axis == 1
+        is_y = self.main_plane == 1
         rows = []
         for t in self.log.read("/truth", Truth):
             if t.links:
@@ -186,8 +244,8 @@ class RunLog:
 
     @cached_property
     def frames(self) -> dict[int, FrameStamp]:
-        """Stamps of the frames by sequence number."""
-        return {f.seq: f for f in self.log.read("/frame_1", FrameStamp)}
+        """Stamps of the frames of the main camera by sequence number."""
+        return {f.seq: f for f in self.log.read(f"/frame_{self.main_camera}", FrameStamp)}
 
     def references(self) -> list[Reference]:
         """Read the references that the streamer sent."""

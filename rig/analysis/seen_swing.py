@@ -35,7 +35,7 @@ def averaged(samples: Sequence[AngleSample]) -> SeenSwing:
 
 
 def of_single_frames(samples: Sequence[AngleSample], average_frames: int) -> SeenSwing:
-    """Collect the angles of single frames without offset, for peaks, which an average reduces.
+    """Collect the angles of single frames, for peaks, which an average reduces.
 
     The instants are those of the average.
     """

@@ -236,7 +236,7 @@ class Summary(msgspec.Struct, kw_only=True):
     swing_error: SwingError = msgspec.field(default_factory=SwingError)
     lateness: Lateness = msgspec.field(default_factory=Lateness)
     motion: MotionPeaks = msgspec.field(default_factory=MotionPeaks)
-    across: Across | None = None  # of a run with a camera in the plane y
+    across: Across | None = None  # of a run with a camera of each plane
     field_bus: FieldBus | None = None  # of a run with a drive
     joint: JointFigures | None = None  # of a run of an elastic joint
     move_deg: float | None = None  # of its load

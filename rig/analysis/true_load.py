@@ -64,9 +64,9 @@ def true_load(run: RunLog, motion: TrueMotion) -> Quantities:
     """Compute the quantities of the simulated load.
 
     Residual swing: amplitude of the planned metric at its instant, of both planes. Peak: largest
-    angle of a link against the vertical. Where a camera sees the plane y, both are of the plane x
-    alone. Frequency: that of the lowest mode. Raises no error for a load whose modes are not known:
-    it has a peak alone.
+    angle of a link against the vertical. Where a camera sees the swing across, both are of the main
+    plane alone. Frequency: that of the lowest mode. Raises no error for a load whose modes are not
+    known: it has a peak alone.
     """
     found = Quantities()
     model = _model(run.plant_params)
@@ -83,10 +83,12 @@ def true_load(run: RunLog, motion: TrueMotion) -> Quantities:
     shown = (t_s >= run.t_move_s) & (t_s <= end_s)
     is_seen_across = run.across_camera is not None
     if shown.any():
-        angles = np.abs(motion.angles_rad[..., 0]) if is_seen_across else motion.tilt_rad
+        angles = (
+            np.abs(motion.angles_rad[..., run.main_plane]) if is_seen_across else motion.tilt_rad
+        )
         found.peak_swing_rad = float(angles[shown].max())
     if model is not None:
-        planes = (0,) if is_seen_across else (0, 1)
+        planes = (run.main_plane,) if is_seen_across else (0, 1)
         amplitudes = [_amplitude_rad(model, motion, run.t_settled_s, plane) for plane in planes]
         found.residual_swing_rad = math.hypot(*amplitudes)
     return found

@@ -64,7 +64,7 @@ def _load_doubts(summary: Summary, run: RunLog) -> list[str]:
             f"the load has {motion.angles_rad.shape[1]} links; the camera fits one straight cable: "
             "judge it by the truth, without a camera (--set camera.rate_hz=0)"
         )
-    across_rad = float(np.abs(motion.angles_rad[..., 1]).max(initial=0.0))
+    across_rad = float(np.abs(motion.angles_rad[..., 1 - run.main_plane]).max(initial=0.0))
     if across_rad > MAX_ACROSS_RAD and summary.across is None:
         doubts.append(
             f"the load swung {across_rad * 1e3:.1f} mrad across the plane that the camera sees; "
@@ -147,7 +147,10 @@ def _doubts(summary: Summary, run: RunLog) -> list[str]:
 def _cause_of_error(across: Across | None) -> str:
     """Name what makes the first camera measure wrong, as far as the other one tells."""
     if across is None or (across.peak_rad or 0.0) <= MAX_ACROSS_RAD:
-        return "calibrate again"
+        return (
+            "calibrate again; for a camera pitched by more than 1 degree give its distance, too "
+            "(vision.camera_distance_m)"
+        )
     return (
         "a swing across is seen in perspective where the platform stands beside its home "
         "position: stop what pushes the load, or end the move at home"

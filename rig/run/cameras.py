@@ -18,9 +18,11 @@ class Camera(NamedTuple):
     section: str  # of the file that describes it
     plane: SwingPlane  # of the swing that it sees
     calibration: str
+    file: str  # of its lens and pose
     rough_pivot_px: tuple[float, float]
     rough_pixels_per_m: float
     rate_hz: float  # 0 = no camera
+    distance_m: float | None  # to the plane of the swing; None = not known
 
 
 def cameras(experiment: Experiment) -> list[Camera]:
@@ -45,9 +47,11 @@ def _camera(experiment: Experiment, belief: CameraBelief, number: int, section: 
         section=section,
         plane=SwingPlane(belief.plane),
         calibration=vision.calibration if belief.calibration is None else belief.calibration,
+        file=vision.camera if belief.camera is None else belief.camera,
         rough_pivot_px=belief.rough_pivot_px or vision.rough_pivot_px,
         rough_pixels_per_m=belief.rough_pixels_per_m or vision.rough_pixels_per_m,
         rate_hz=rate_hz,
+        distance_m=belief.camera_distance_m or vision.camera_distance_m,
     )
 
 

@@ -55,7 +55,7 @@ class ExperimentSection(Section, frozen=True, kw_only=True):
 class MoveSection(Section, frozen=True, kw_only=True):
     """`[move]`: move from rest to rest along one axis, or through the points of a file."""
 
-    axis: Literal["x", "y", "z"] = "x"  # y and z without a camera, which sees the swing along x
+    axis: Literal["x", "y", "z"] = "x"  # y and z with camera files, or without a camera
     start_m: Place = 0.0
     distance_m: Place = 0.2
     # duration; with waypoints: of the whole path, unless the file has t_s

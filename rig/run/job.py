@@ -17,7 +17,10 @@ from planners.errors import PlanError
 from planners.problem import Limits, Plan, Problem
 from planners.trajectories.motion import AXES, Motion
 from rig.errors import ConfigError, Refused
+from rig.run.calibration import camera_file
 from rig.run.calibration import file as calibration_file
+from rig.run.calibration.camera_file import CameraFile
+from rig.run.camera_axes import check_axes
 from rig.run.cameras import Camera, cameras, check_cameras
 from rig.run.config import Experiment
 from rig.run.drive_settings import drive_settings
@@ -47,6 +50,7 @@ class Job(msgspec.Struct, frozen=True, kw_only=True):
     calibrations: list[
         calibration_file.Calibration | None
     ] = []  # by camera; None where it has none
+    camera_files: list[CameraFile | None] = []  # likewise
     settings: dict[str, Any]  # by task name
     stop_ns: int = 0  # longest time of a stop
     command: str = ""  # as typed, for the log; "" where no terminal started the run
@@ -65,6 +69,10 @@ class Job(msgspec.Struct, frozen=True, kw_only=True):
             if calibration is not None:
                 name = "calibration.toml" if number == 1 else f"calibration_{number}.toml"
                 files[name] = calibration_file.text(calibration).encode()
+        for number, file in enumerate(self.camera_files, start=1):
+            if file is not None:
+                name = "camera.toml" if number == 1 else f"camera_{number}.toml"
+                files[name] = camera_file.text(file).encode()
         present = (name for name in ("controller", *VISION_TASKS) if name in self.settings)
         return files | {f"{name}.json": encode(self.settings[name]) for name in present}
 
@@ -127,7 +135,6 @@ def prepare(
     if plan is not None and plan.reasons:
         raise Refused(f"the plan exceeds [limits]: {'; '.join(plan.reasons)}")
     _check_policy(experiment)
-    _check_axis(experiment)
     links = planner_model(experiment).links_count
     if links != plant.links:
         raise Refused(
@@ -140,16 +147,22 @@ def prepare(
     record = _record(experiment, plan, motion or (plan.motion if plan else None))
     envelope = safety_envelope(experiment)
     _check_envelope(record, envelope)
-    found = [calibration_file.find(experiment, camera) for camera in watching]
+    files = [camera_file.find(experiment, camera) for camera in watching]
+    found = [
+        calibration_file.find(experiment, camera, file.made if file else None)
+        for camera, file in zip(watching, files, strict=True)
+    ]
     calibrations = [calibration for _, calibration in found]
+    if experiment.has_move and experiment.camera.rate_hz > 0:
+        check_axes(record.positions_m, watching, files)
     robot = _robot(experiment, plant)
     check_joint_space(record, robot, experiment.robot)
     settings: dict[str, Any] = {
         "bench": plant.settings,
         "controller": _controller_settings(experiment, envelope, robot, len(watching)),
     }
-    for camera, calibration in zip(watching, calibrations, strict=True):
-        vision = vision_settings(experiment, camera, calibration)
+    for camera, calibration, file in zip(watching, calibrations, files, strict=True):
+        vision = vision_settings(experiment, camera, calibration, file)
         if plan is not None:
             check_field_of_view(experiment, plan, vision)
         settings[vision_task(camera.number)] = vision
@@ -164,21 +177,10 @@ def prepare(
         plan=record,
         calibration_name=", ".join(name for name, _ in found),
         calibrations=calibrations,
+        camera_files=files,
         settings=settings,
         stop_ns=run_out.duration_ns(envelope),
     )
-
-
-def _check_axis(experiment: Experiment) -> None:
-    """Refuse a move that the camera cannot judge."""
-    move, camera = experiment.move, experiment.camera
-    if not experiment.has_move or move.waypoints or move.axis == "x":
-        return
-    if camera.rate_hz > 0:
-        raise Refused(
-            f"[move] axis = '{move.axis}' with a camera, which sees the swing along x alone; must "
-            "be without: --set camera.rate_hz=0"
-        )
 
 
 def _check_policy(experiment: Experiment) -> None:

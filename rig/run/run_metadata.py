@@ -7,6 +7,7 @@ import platform
 from importlib.metadata import version
 from pathlib import Path
 
+from comms.channels import VISION_TASKS
 from comms.clock import utc_now
 from rig.run.job import Job
 from rig.run.provenance import provenance
@@ -28,6 +29,7 @@ def start_metadata(job: Job, mode: str, run_id: str) -> dict[str, str]:
         "seed": str(e.seed),
         "purpose": e.purpose,
         "calibration": job.calibration_name,
+        "angle_scale": _angle_scale(job),
         "utc": utc_now().isoformat(),
         "clock": CLOCKS[mode],
         "operator": os.environ.get("USER", "unknown"),
@@ -37,3 +39,11 @@ def start_metadata(job: Job, mode: str, run_id: str) -> dict[str, str]:
         "versions": " ".join(f"{name}={version(name)}" for name in PACKAGES),
         **provenance(CODE),
     }
+
+
+def _angle_scale(job: Job) -> str:
+    """Say for each camera whether the angles are corrected for its perspective."""
+    if job.experiment.camera.rate_hz == 0.0:
+        return "no camera"
+    seen = [job.settings[name] for name in VISION_TASKS if name in job.settings]
+    return ", ".join("corrected" if one.has_angle_scale else "uncorrected" for one in seen)

@@ -6,6 +6,7 @@ An error names section, key, value, bound and the nearest known key.
 from __future__ import annotations
 
 import difflib
+import json
 import re
 import tomllib
 import warnings
@@ -92,6 +93,15 @@ def read_toml(path: Path, what: str, next_step: str = "correct that line") -> di
     if not _is_shallow(tables):
         raise _too_deep(f"{what} '{path}'")
     return tables
+
+
+def format_value(value: object) -> str:
+    """Format text, a number, or a list of them as the value of a key."""
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)  # a JSON string is a TOML string
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(format_value(one) for one in value) + "]"
+    return str(value)
 
 
 def _is_shallow(tables: Any) -> bool:

@@ -19,10 +19,11 @@ from rig.ui.report_camera import camera_figure
 from rig.ui.report_page import Html, element, join, page, table, trusted
 from rig.ui.report_parameters import parameter_rows
 
-NOISE_NOTE = (
-    "±: one standard deviation of the noise. Not included: a camera pitch of 1 degree reduces the "
-    "measured swing by 0.5 %."
-)
+NOISE_NOTE = "±: one standard deviation of the noise."
+SCALE_NOTES = {  # by angle_scale of run.start; the first word is that of the first camera
+    "corrected": " The angle is corrected for the pitch of the camera.",
+    "uncorrected": " Not included: a camera pitch of 1 degree reduces the measured swing by 0.5 %.",
+}
 JOINT_NOTE = (
     "The load's speed is the integral of its accelerometer, less the bias at rest, as in source "
     "001. ±: one standard deviation of its noise, integrated to the end of the recording."
@@ -103,7 +104,9 @@ def _quantities(analysis: RunAnalysis) -> Html:
     if s.across is not None:
         title, measured, true = s.across.row
         rows.append((title, "", "", measured, true))
-    note = element("p", NOISE_NOTE, class_="note")
+    scale = analysis.run.log.metadata["run.start"].get("angle_scale", "uncorrected")
+    scale_note = SCALE_NOTES.get(scale.split(",")[0], "")
+    note = element("p", NOISE_NOTE + scale_note, class_="note")
     return join(table(QUANTITY_HEADS, rows), note)
 
 

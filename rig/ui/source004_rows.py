@@ -78,9 +78,10 @@ def our_figures(finding: SourceFinding, runs: Mapping[str, RunFigures]) -> str:
 
 
 def _camera_mark(finding: SourceFinding, runs: Mapping[str, RunFigures]) -> str:
-    """Mark a quantity of the camera in a finding with a run that has none."""
+    """Mark a quantity of the camera that it did not measure in a run of a finding."""
     names = (*finding.runs, *finding.against)
-    if finding.quantity not in CAMERA_QUANTITIES or all(runs[name].has_camera for name in names):
+    is_measured = all(MEASURED in runs[name].values[finding.quantity] for name in names)
+    if finding.quantity not in CAMERA_QUANTITIES or is_measured:
         return ""
     return f"; {CAMERA_NOT_YET}"
 
@@ -112,7 +113,7 @@ def run_rows(names: Sequence[str], runs: Mapping[str, RunFigures]) -> list[tuple
             continue  # a step response
         residual = run.values["residual_swing"]
         measured = CAMERA_NOT_YET
-        if run.has_camera:
+        if MEASURED in residual:
             measured = _with_sigma(residual[MEASURED])
         true = UNITS["residual_swing"].text(residual["true"].value)
         peak = UNITS["peak_swing"].text(run.peak_rad)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from sim_rig.camera_objects import Chessboard, Mark
 from sim_rig.camera_params import CameraParams, LensParams, SensorParams
-from sim_rig.camera_pose import CameraPose
+from sim_rig.camera_pose import PosedCamera
 from sim_rig.imager import Imager
 from sim_rig.load_params import CableParams, LinkParams
 from sim_rig.params import BenchParams, PendulumParams, View
@@ -155,7 +155,7 @@ def test_points_are_projected_as_by_opencv_with_turns_about_the_axes_of_the_came
     camera = CameraParams(
         pitch_deg=pitch, yaw_deg=yaw, roll_deg=roll, shift_m=tuple(shift), lens=lens
     )
-    pose = CameraPose(camera, View(), HOME)
+    pose = PosedCamera(camera, View(), HOME)
     points = random.uniform(-0.2, 0.2, (20, 3)) - (0.0, 0.0, 0.28)
     turns = [
         np.array(axis) * math.radians(angle)
@@ -218,7 +218,7 @@ def test_marks_are_where_their_places_are_projected() -> None:
     camera = POSED | {"contrast": 0.0, "noise": 0.0, "sensor": GREY, "objects": marks}
     params = plant(camera)
     frame = next(swinging_video(params, 0.01))
-    expected = CameraPose(params.cameras[0], params.view, HOME).project(np.array(places))
+    expected = PosedCamera(params.cameras[0], params.view, HOME).project(np.array(places))
     assert expected is not None
     dark = 200.0 - frame.exposure.pixels.astype(float)
     for column, row in expected:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import subprocess
 import sys
 from pathlib import Path
@@ -149,13 +150,13 @@ def test_a_camera_of_the_plane_y_follows_the_platform_along_y(camera: Camera) ->
             t_ns + MS,
         )
     sample = angle_of(
-        vision.on_message("frame_2", frame(cable_at(camera, 0.1, 0.05), 100 * MS), 118 * MS),
+        vision.on_message("frame_2", frame(cable_at(camera, -0.001, 0.05), 100 * MS), 118 * MS),
         "angle_2",
     )
     assert sample.swing_plane is SwingPlane.Y
     assert sample.platform_m == pytest.approx(0.05, abs=1e-12)
-    assert cable_of(sample).offset_rad == pytest.approx(-0.001, abs=1e-12)
-    assert cable_of(sample).raw_rad == pytest.approx(0.1, abs=1e-4)
+    assert cable_of(sample).offset_rad == pytest.approx(-0.001, abs=5e-6)
+    assert cable_of(sample).angle_rad == pytest.approx(0.0, abs=1e-4)
 
 
 @pytest.mark.parametrize("angle_rad", [-0.1, 0.0, 0.2])
@@ -188,9 +189,24 @@ def test_the_offset_is_subtracted_at_the_platform_position_of_each_frame(camera:
     for k, x_m in enumerate((0.05, 0.10, 0.15)):
         t_ns = k * PERIOD_NS + 5 * MS
         vision.on_message("platform_1", platform(t_ns, x_m), t_ns + MS)
-        sample = look(vision, cable_at(camera, 0.05 - 0.02 * x_m, x_m), k * PERIOD_NS)
-        assert cable_of(sample).offset_rad == pytest.approx(-0.02 * x_m, abs=1e-12)
-        assert cable_of(sample).angle_rad == pytest.approx(0.05, abs=1e-4)
+        sample = look(vision, cable_at(camera, -0.02 * x_m, x_m), k * PERIOD_NS)
+        assert cable_of(sample).offset_rad == pytest.approx(-0.02 * x_m, abs=5e-6)
+        assert cable_of(sample).angle_rad == pytest.approx(0.0, abs=1e-4)
+
+
+def test_the_slope_of_the_offset_table_scales_the_angle_and_its_sigma(camera: Camera) -> None:
+    vision, plain = task(x_m=[0.0, 0.2], offset_rad=[0.0, -0.004]), task()
+    for one in (vision, plain):
+        one.on_message("platform_1", platform(105 * MS, 0.0), 106 * MS)
+    picture = cable_at(camera, 0.05)
+    seen = cable_of(look(vision, picture, 100 * MS))
+    as_read = cable_of(look(plain, picture, 100 * MS))
+    # pitch of 0.02 1/m times the distance; the pivot is 280 px above the middle of the picture
+    scale = 1.0 / (1.0 - 0.02 * (HEIGHT / 2 - PIVOT_PX[1]) / PIXELS_PER_M)
+    assert math.tan(seen.angle_rad) == pytest.approx(scale * math.tan(as_read.angle_rad), rel=1e-9)
+    assert seen.sigma_rad == pytest.approx(scale * as_read.sigma_rad, rel=1e-4)
+    assert seen.raw_rad == as_read.raw_rad
+    assert seen.raw_rad - seen.offset_rad == pytest.approx(seen.angle_rad, abs=1e-15)
 
 
 def test_the_platform_is_interpolated_to_mid_exposure_along_a_smooth_move(camera: Camera) -> None:
@@ -268,15 +284,17 @@ def test_a_picture_of_the_wrong_size_is_a_bad_image(shape: tuple[int, ...], enco
     )
 
 
-def test_the_angle_of_a_rolling_shutter_holds_at_the_read_out_of_the_last_rows(
-    camera: Camera,
+@pytest.mark.parametrize("pivot_row", [PIVOT_PX[1], 60.0, 120.0, 240.0])
+def test_the_angle_of_a_rolling_shutter_holds_at_the_read_out_of_its_rows(
+    camera: Camera, pivot_row: float
 ) -> None:
     row_ns, rate, start_s = 33_000, 0.32, 0.1
+    pivot_px = PIVOT_PX[0], pivot_row
     light = np.empty((HEIGHT, WIDTH))
     for row in range(0, HEIGHT, 8):  # eight rows share an instant: 0.08 mrad
         angle = 0.05 + rate * (row + 3.5) * row_ns * 1e-9
-        light[row : row + 8] = Scene(angle_rad=angle).light()[row : row + 8]
-    vision = task()
+        light[row : row + 8] = Scene(angle_rad=angle, pivot_px=pivot_px).light()[row : row + 8]
+    vision = task(pivot_home_px=pivot_px)
     vision.on_message("platform_1", platform(105 * MS, 0.0), 106 * MS)
     sample = look(vision, camera.expose(light), round(start_s * 1e9), row_ns=row_ns)
     truth = 0.05 + rate * (sample.t_valid_ns * 1e-9 - start_s - 0.005)

@@ -17,6 +17,8 @@ from planners.trajectories.motion import Motion
 from planners.trajectories.trajectory import Trajectory
 from rig.analysis.identify.offsets import OffsetCalibration, SwingRecord, calibrate_offsets
 from rig.analysis.run_log import SETTLE_S, RunLog
+from rig.run.calibration import camera_file
+from rig.run.calibration.expected_pivot import expected_pivot
 from rig.run.calibration.file import Calibration
 from rig.run.cameras import cameras
 from rig.run.config import Experiment
@@ -38,7 +40,10 @@ class Tour(NamedTuple):
 
 
 def experiment_for(base: Experiment) -> Experiment:
-    """Change an experiment for the tour: no offset table, no average, a wider initial swing."""
+    """Change an experiment for the tour: no offset table, no average, a wider initial swing.
+
+    A camera file stays: the table has what it leaves.
+    """
     replace = msgspec.structs.replace
     beliefs = [replace(belief, calibration="none") for belief in base.vision.cameras]
     vision = replace(base.vision, calibration="none", average_frames=1, cameras=beliefs)
@@ -81,12 +86,14 @@ def fit(
     Raises AnalysisError for a point with too few valid frames.
     """
     camera = cameras(experiment)[0]
+    file = camera_file.find(experiment, camera)
+    expected = expected_pivot(camera, None, file)
     samples = [a for a in run.angles if a.valid]
     records = [_record(samples, run.t_move_s + t0, run.t_move_s + t1) for t0, t1 in dwells_s]
     found = calibrate_offsets(
         records,
-        pivot_home_px=camera.rough_pivot_px,
-        pixels_per_m=camera.rough_pixels_per_m,
+        pivot_home_px=expected.home_px,
+        pixels_per_m=expected.pixels_per_m,
         natural_frequency_hz=planner_model(experiment).natural_frequency_rad_s / (2 * math.pi),
     )
     frames = run.frames
@@ -102,6 +109,7 @@ def fit(
         offset_rad=[round(float(o), 9) for o in found.offset_rad],
         sigma_offset_rad=[round(float(s), 9) for s in found.sigma_offset_rad],
         background=round(float(np.median([a.background for a in samples])), 2),
+        camera_made=file.made if file else None,
     )
     return found, calibration
 
@@ -114,7 +122,7 @@ def default_path(folder: Path, calibration: Calibration) -> Path:
 def _record(samples: list[AngleSample], t0_s: float, t1_s: float) -> SwingRecord:
     """Select the samples stamped within [t0_s, t1_s]."""
     rows = [
-        (a.t_valid_ns * 1e-9, a.cable.raw_rad, a.platform_m, a.pivot_miss_px)
+        (a.t_valid_ns * 1e-9, a.cable.angle_rad, a.platform_m, a.pivot_miss_px)
         for a in samples
         if a.cable is not None and t0_s <= a.t_valid_ns * 1e-9 <= t1_s
     ]

@@ -1,9 +1,9 @@
 """Rule of agreement between a published finding and our figures; pure.
 
 A value has up to two bases: true and measured for swing, planned and reached for motion. Each pair
-of runs is checked on each basis on which both have a value: a run without a camera has no measured
-swing, nor has one whose swing is below what its camera can tell. Without a value on any basis, the
-check fails:
+of runs is checked on each basis on which both have a value: a swing below what the camera can tell
+has none, nor has that of a link that it does not see. Without a value on any basis, the check
+fails:
 
     lower       b - a > max(3 sigma, 1 % of the larger one)
     higher      the same with a and b exchanged
@@ -49,7 +49,6 @@ class RunFigures(msgspec.Struct, frozen=True, kw_only=True):
 
     experiment: str
     values: dict[str, dict[str, BasisValue]]
-    has_camera: bool = True
 
     @property
     def peak_rad(self) -> float:

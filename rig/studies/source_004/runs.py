@@ -6,25 +6,34 @@ import math
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import msgspec
 import numpy as np
 import numpy.typing as npt
 
+from planners.models.chain import ChainModel
 from rig.analysis.analyze import RunAnalysis
 from rig.analysis.run_log import RunLog
 from rig.analysis.summary import Quantities, Summary
 from rig.analysis.true_load import true_motion
 from rig.errors import RunFailed
 from rig.run import config
+from rig.run.calibration import file as calibration_file
+from rig.run.calibration.expected_pivot import expected_pivot
+from rig.run.cameras import cameras
+from rig.run.config import CameraSection, Experiment
 from rig.run.job import plan_move, prepare
+from rig.run.load_model import planner_model
 from rig.run.runs import LOG
 from rig.run.runtime import bench
 from rig.run.runtime.execute import execute
 from rig.studies.source_004.free_modes import natural_frequencies_hz
+from rig.studies.source_004.measured_modes import fit_modes, largest_link_swing
 from rig.studies.source_004.rule import BasisValue, RunFigures
 from rig.studies.source_004.spec import CAMERA_QUANTITIES, MEASURED
 
 FloatArray = npt.NDArray[np.float64]
 BEFORE_S = 0.2  # of the curves, before the move
+ROWS_OVER_JOINT = 5  # left out over the joint of the first link, which rises as it swings
 AFTER_S = 3.0  # after it: one and a half periods of the load
 
 
@@ -47,22 +56,22 @@ class RepeatedRun(NamedTuple):
 def repeat(experiment: str, folder: Path) -> RepeatedRun:
     """Run a shipped experiment in virtual time and analyse it; the log is left in folder.
 
+    A load of several links, which is judged by the truth in a run, is watched by the camera, too.
     experiment: NAME, or NAME:SEED for another seed than that of the file. Raises RunFailed for a
     run that was stopped, and what keeps a run from starting.
     """
     name, _, seed = experiment.partition(":")
     changes = [f"experiment.seed={seed}"] if seed else []
-    chosen = config.read_experiment(name, changes)
+    chosen = _watched(config.read_experiment(name, changes))
     job = prepare(chosen, plan_move(chosen), bench.plant(chosen))
     outcome = execute(job, "virtual", folder, _no_progress)
     if outcome.exit_code != 0:
         raise RunFailed(f"{experiment} was stopped: {'; '.join(outcome.reasons)}")
     analysis = RunAnalysis(folder / LOG)
-    has_camera = chosen.camera.rate_hz > 0
     values = _values(analysis)
-    if not has_camera:
-        _drop_measured(values)
-    figures = RunFigures(experiment=experiment, values=values, has_camera=has_camera)
+    if planner_model(chosen).links_count > 1:
+        _measure_links(values, analysis.run, chosen)
+    figures = RunFigures(experiment=experiment, values=values)
     return RepeatedRun(figures, _curves(analysis.run))
 
 
@@ -93,10 +102,48 @@ def _values(analysis: RunAnalysis) -> dict[str, dict[str, BasisValue]]:
     }
 
 
-def _drop_measured(values: dict[str, dict[str, BasisValue]]) -> None:
-    """Remove the values that come from the camera."""
+def _watched(chosen: Experiment) -> Experiment:
+    """Watch a load of several links by the camera, in the rows of its first link alone."""
+    model = planner_model(chosen)
+    if not isinstance(model, ChainModel) or model.links_count == 1:
+        return chosen
+    with_camera = msgspec.structs.replace(chosen, camera=CameraSection())
+    camera = cameras(with_camera)[0]
+    _, calibration = calibration_file.find(with_camera, camera)
+    pivot = expected_pivot(camera, calibration, None)
+    joint_row = pivot.home_px[1] + pivot.pixels_per_m * model.links[0].length_m
+    rows = math.floor(joint_row) - ROWS_OVER_JOINT
+    vision = msgspec.structs.replace(with_camera.vision, rows=rows)
+    return msgspec.structs.replace(with_camera, vision=vision)
+
+
+def _measure_links(
+    values: dict[str, dict[str, BasisValue]], run: RunLog, chosen: Experiment
+) -> None:
+    """Replace what the camera measured of a cable by what it tells of several links.
+
+    The free swing of the first link shows the modes, and the model how the others move in them.
+    The peak swing, of the lowest link as a rule, is not in these rows.
+    """
     for quantity in CAMERA_QUANTITIES:
         values.get(quantity, {}).pop(MEASURED, None)
+    modes = planner_model(chosen).modes()
+    eigenvalues = modes.eigenvalues_1_s
+    pairs = [k for k in np.argsort(np.abs(eigenvalues)) if eigenvalues[k].imag > 0.0]
+    model_hz = (np.abs(eigenvalues[pairs]) / (2.0 * math.pi)).tolist()
+    swing = run.single_frames
+    after = swing.t_s >= run.t_settled_s
+    t_s = swing.t_s[after] - run.t_settled_s
+    found = fit_modes(t_s, swing.angle_rad[after], model_hz)
+    if not found:
+        return
+    links = planner_model(chosen).links_count
+    residual_rad, sigma_rad = largest_link_swing(found, np.abs(modes.mode_shapes[:links, pairs]))
+    values["residual_swing"][MEASURED] = BasisValue(value=residual_rad, sigma=sigma_rad)
+    for name, mode in zip(("frequency_1", "frequency_2"), found, strict=False):
+        if mode.frequency_hz is not None:
+            measured = BasisValue(value=mode.frequency_hz, sigma=mode.sigma_frequency_hz)
+            values[name][MEASURED] = measured
 
 
 def _mode_frequencies(run: RunLog) -> dict[str, dict[str, BasisValue]]:

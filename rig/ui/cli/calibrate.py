@@ -1,4 +1,7 @@
-"""`rig calibrate offsets`: calibration of the camera's angle offset over platform position."""
+"""`rig calibrate offsets`: calibration of the camera's angle offset over platform position.
+
+`rig calibrate camera` is in calibrate_camera.py.
+"""
 
 from __future__ import annotations
 
@@ -18,6 +21,7 @@ from rig.run.calibration import tour as calibration_run
 from rig.run.runs import LOG
 from rig.run.tasks.operator import Operator
 from rig.ui.cli import completion
+from rig.ui.cli.calibrate_camera import camera
 from rig.ui.cli.common_options import AsJson, ImageSeed, Overrides
 from rig.ui.cli.output import print_json
 from rig.ui.cli.page import boxed_table, err, print_paragraph, print_table, print_whole
@@ -25,6 +29,7 @@ from rig.ui.cli.page import boxed_table, err, print_paragraph, print_table, prin
 OFFSET_COLUMNS = ("x [m]", "offset [mrad]", "sigma [mrad]", "swing [mrad]")
 
 app = typer.Typer(no_args_is_help=True, help="Measure the calibration tables of the tracker.")
+app.command()(camera)
 
 
 @app.callback()

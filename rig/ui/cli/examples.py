@@ -104,11 +104,15 @@ EXAMPLES = {
     ),
     "calibrate": (
         "calibrate offsets --virtual",
-        "calibrate offsets --out camera.toml",
+        "calibrate camera boards.avi --out camera.toml",
+    ),
+    "calibrate camera": (
+        "calibrate camera boards.avi --marks marks.png --places marks.csv --out camera.toml",
+        "calibrate camera --lens camera.toml --marks moved.png --places marks.csv",
     ),
     "calibrate offsets": (
         "calibrate offsets --virtual",
-        "calibrate offsets --experiment free_decay --virtual --out camera.toml",
+        "calibrate offsets --experiment free_decay --virtual --out offsets.toml",
     ),
     "can": (
         "can scan",

@@ -20,13 +20,15 @@ from rig.ui.cli.page import (
 )
 
 if TYPE_CHECKING:
+    from rig.studies.source_004.rule import RunFigures
     from rig.studies.source_004.study import FigureResult, Source004Study
 
 LEGEND = (
     "Residual swing: amplitude after the move, true and from the camera ± its noise. Findings are "
     "in our words; an agreement is computed on every basis of a value, true and measured, planned "
-    "and reached. yes: every comparison holds; partly: some; no: none. camera: not yet: the "
-    "tracker fits one straight cable, so a load of several links is judged by the truth alone."
+    "and reached. yes: every comparison holds; partly: some; no: none. Of several links the camera "
+    "sees the first one, whose free swing shows the modes. camera: not yet: their peak swing is "
+    "that of a link which the camera does not see, and is judged by the truth alone."
 )
 
 
@@ -71,8 +73,13 @@ def source004(
 def _document(found: Source004Study) -> dict[str, Any]:
     figures = [_figure_document(row) for row in found.figures]
     runs = {name: run.values for name, run in found.runs.items()}
-    without = [name for name, run in found.runs.items() if not run.has_camera]
+    without = [name for name, run in found.runs.items() if _is_unseen(run)]
     return {"exit_status": "ok", "figures": figures, "runs": runs, "runs_without_camera": without}
+
+
+def _is_unseen(run: RunFigures) -> bool:
+    """Tell if the run has a swing, and no camera measured it."""
+    return "measured" not in run.values.get("residual_swing", {"measured": None})
 
 
 def _figure_document(row: FigureResult) -> dict[str, Any]:

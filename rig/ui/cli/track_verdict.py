@@ -10,7 +10,7 @@ import numpy as np
 
 from vision.first_look import Look
 from vision.look_findings import LookFinding, told_pivot_finding
-from vision.stream import Finding, FindingKind
+from vision.stream import FindingKind, StreamFinding
 from vision.tracked import TrackedFrame
 from vision.view import Point
 
@@ -60,7 +60,7 @@ def worded(finding: LookFinding) -> str:
 
 
 def judge(
-    rows: Sequence[TrackedFrame], look: Look, told: Point | None, findings: Sequence[Finding]
+    rows: Sequence[TrackedFrame], look: Look, told: Point | None, findings: Sequence[StreamFinding]
 ) -> Judgement:
     """Judge the frames of a video; told: pivot by the user, in pixels of the picture."""
     reasons: list[str] = []

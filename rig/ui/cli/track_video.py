@@ -20,7 +20,7 @@ from rig.ui.plots import picture_file
 from vision.errors import VisionError
 from vision.first_look import Look, Subject
 from vision.sources import open_source
-from vision.stream import Finding, FrameSource
+from vision.stream import FrameStream, StreamFinding
 from vision.tracked import TrackedFrame, tracked_frames
 from vision.video_tracker import VideoTracker
 from vision.view import Point
@@ -39,8 +39,8 @@ class Tracked(NamedTuple):
 
     rows: list[TrackedFrame]
     look: Look
-    source: FrameSource
-    findings: Sequence[Finding]
+    source: FrameStream
+    findings: Sequence[StreamFinding]
     told: Point | None
     gate_px: Point | None  # in the view
 
@@ -99,7 +99,7 @@ def _check_files(options: TrackOptions) -> None:
 
 
 def _measure(
-    options: TrackOptions, source: FrameSource, tracker: VideoTracker, pivot_px: Point | None
+    options: TrackOptions, source: FrameStream, tracker: VideoTracker, pivot_px: Point | None
 ) -> list[TrackedFrame]:
     overlay: OverlayVideo | None = None
     if options.overlay is not None and tracker.look is not None:
@@ -140,7 +140,7 @@ def _finish(options: TrackOptions, tracked: Tracked, wanted: AngleFilter | None)
     return code
 
 
-def _show_look(options: TrackOptions, look: Look, source: FrameSource) -> int:
+def _show_look(options: TrackOptions, look: Look, source: FrameStream) -> int:
     code = OK if look.subject in (Subject.CABLE, Subject.BOB) else BAD_DATA
     if options.as_json:
         texts = [worded(finding) for finding in look.findings]
@@ -208,7 +208,7 @@ def _document(
     }
 
 
-def _print_look(options: TrackOptions, look: Look, source: FrameSource) -> None:
+def _print_look(options: TrackOptions, look: Look, source: FrameStream) -> None:
     about = source.about
     rate = "rate not stated" if about.rate_hz is None else f"{about.rate_hz:.4g} frames/s"
     stated = "" if about.frames is None else f", {about.frames} frames"

@@ -39,7 +39,7 @@ def concluded(analysis):
 def test_a_shorter_cable_is_named_as_the_cause_with_the_setting_and_the_command(analysed):
     found = concluded(analysed("move", command="rig run move --virtual"))
     assert found.sentence == (
-        "The load keeps 2.6 mrad instead of 0.4 mrad because its cable is 20 mm shorter than the "
+        "The load keeps 2.7 mrad instead of 0.4 mrad because its cable is 20 mm shorter than the "
         "model's."
     )
     assert found.setting.toml == "[model] length_m = 0.980"

@@ -98,7 +98,7 @@ def test_any_name_and_any_numbers_survive_the_file_to_the_last_bit(
         sigma_offset_rad=sigma_rad,
     )
     name = saved(tmp_path_factory.getbasetemp(), calibration)
-    assert found_in(asking_for(name))[1] == calibration
+    assert calibration_file.read(Path(name)) == calibration
 
 
 def test_numbers_of_numpy_are_written_as_plain_numbers(tmp_path: Path) -> None:

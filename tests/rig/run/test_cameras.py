@@ -16,6 +16,7 @@ from rig.run.cameras import cameras
 from rig.run.config import read_experiment
 from rig.run.job import Job, plan_move, prepare
 from rig.run.joint_job import prepare_joint
+from rig.run.run_metadata import start_metadata
 from rig.run.runtime import bench
 
 MS = 1_000_000
@@ -178,3 +179,34 @@ def test_a_camera_in_an_experiment_of_a_joint_is_refused() -> None:
     chosen = read_experiment("joint_1", ["bench.cameras=[{}]"])
     with pytest.raises(ConfigError, match=r"\[bench\.cameras\] .* has no effect there"):
         prepare_joint(chosen, bench.plant(chosen))
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ([], "corrected, uncorrected"),
+        (["vision.calibration=none"], "uncorrected, uncorrected"),
+        (["camera.rate_hz=0"], "no camera"),
+    ],
+)
+def test_the_metadata_say_which_angles_are_corrected_for_the_pitch(
+    changes: list[str], expected: str
+) -> None:
+    assert start_metadata(prepared(*changes), "virtual", "r")["angle_scale"] == expected
+
+
+def test_each_camera_has_its_own_distance() -> None:
+    changes = ["vision.camera_distance_m=1.2", "vision.cameras.1.camera_distance_m=0.8"]
+    job = prepared(*changes)
+    distances = [job.settings[name].camera_distance_m for name in ("vision", "vision_2")]
+    assert distances == [1.2, 0.8]
+
+
+def test_a_calibration_steeper_than_any_pitch_is_refused(tmp_path: Path) -> None:
+    move = read_experiment("move", [])
+    _, shipped = calibration_file.find(move, cameras(move)[0])
+    assert shipped is not None
+    steep = msgspec.structs.replace(shipped, offset_rad=[x_m * 4.0 for x_m in shipped.x_m])
+    calibration_file.save(steep, tmp_path / "steep.toml")
+    said = refusal(f"vision.calibration={tmp_path / 'steep.toml'}", name="move")
+    assert "steep.toml': offset table with a slope of 4 rad/m" in said

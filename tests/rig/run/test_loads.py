@@ -150,7 +150,7 @@ def test_a_cable_in_its_plane_that_swings_up_to_the_robot_is_named() -> None:
 @pytest.mark.parametrize(
     ("changes", "text"),
     [
-        (["move.axis=y"], "sees the swing along x alone"),
+        (["move.axis=y"], "camera 1 follows the pivot along x alone"),
         ([*BRIEF, "move.axis=z"], "must be 'law'"),
         ([*BRIEF, "bench.links=[{length_m=0.5, mass_kg=1}]"], "beside [bench.pendulum]"),
         ([*BRIEF, "bench.load.gravity_m_s2=9.8"], "without [[bench.links]]"),

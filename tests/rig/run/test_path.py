@@ -202,9 +202,9 @@ def test_the_tracker_sees_what_the_camera_shows_at_the_instant_it_says():
     stamps = sorted(truth)
     expected = np.interp([a.t_valid_ns for a in angles], stamps, [truth[t] for t in stamps])
     assert all(a.valid for a in angles)
-    assert np.array([a.cable.angle_rad for a in angles]) == pytest.approx(
-        expected, abs=0.4e-3
-    )  # 1 degree of pitch: 0.5 % of gain
+    measured = np.array([a.cable.angle_rad for a in angles])
+    # 1 degree of pitch without the distance of the camera: 0.015 %
+    assert measured == pytest.approx(expected, abs=0.1e-3)
 
 
 # 8 recorder -> analysis

@@ -153,7 +153,7 @@ def test_limits_are_those_of_the_motion_in_space(through):
 
 
 def test_the_record_says_how_far_the_points_go(through):
-    chosen = through("x_m,y_m\n0,0\n0.1,0.1\n0,0.2\n")
+    chosen = through("x_m,y_m\n0,0\n0.1,0.1\n0,0.2\n", "camera.rate_hz=0")
     assert prepare(chosen, plan_move(chosen), bench.plant(chosen)).plan.distance_m == 0.0
 
 

@@ -1,10 +1,11 @@
-"""Loads of several links in the study of source 004: modes, shapers, and runs without a camera."""
+"""Loads of several links in the study of source 004: modes, shapers, and what a camera sees."""
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -14,6 +15,7 @@ from rig.run import config, experiment
 from rig.run.load_model import planner_model
 from rig.run.runs import LOG
 from rig.studies.source_004.free_modes import natural_frequencies_hz
+from rig.studies.source_004.measured_modes import fit_modes, largest_link_swing
 from rig.studies.source_004.spec import choose
 from rig.studies.source_004.study import Source004Study, study
 from rig.ui.source004_page import document
@@ -78,17 +80,69 @@ def test_the_two_masses_swing_at_the_published_frequencies(figure_4_19: Source00
         assert run.values[name]["true"].value == pytest.approx(hz, rel=3e-4)
 
 
-def test_a_run_without_a_camera_is_marked_in_rows_and_page(figure_4_19: Source004Study) -> None:
+def test_the_camera_measures_both_modes_on_the_first_link(figure_4_19: Source004Study) -> None:
     (row,) = figure_4_19.figures
     (run,) = figure_4_19.runs.values()
-    assert not run.has_camera
-    assert not any("measured" in run.values[name] for name in ("residual_swing", "peak_swing"))
-    assert {check.basis for result in row.results for check in result.checks} == {"true"}
+    assert {check.basis for result in row.results for check in result.checks} == {
+        "true",
+        "measured",
+    }
+    for name, hz in zip(("frequency_1", "frequency_2"), TWO_MASSES_HZ, strict=True):
+        measured = run.values[name]["measured"]
+        assert measured.value == pytest.approx(hz, rel=3e-4)
+        assert 0.0 < measured.sigma < 1e-4
+    residual = run.values["residual_swing"]
+    assert residual["measured"].value == pytest.approx(residual["true"].value, rel=2e-3)
     for shown in finding_rows(row, figure_4_19.runs):
+        assert shown[2].endswith("Hz, true")
+    ((_, true, measured_text, _),) = run_rows(tuple(figure_4_19.runs), figure_4_19.runs)
+    assert measured_text.startswith(true[:4])
+
+
+def test_a_quantity_that_the_camera_does_not_see_is_marked(figure_4_19: Source004Study) -> None:
+    (run,) = figure_4_19.runs.values()
+    assert "measured" not in run.values["peak_swing"]
+    values = {}
+    for name, bases in run.values.items():
+        values[name] = {basis: value for basis, value in bases.items() if basis != "measured"}
+    unseen = msgspec.structs.replace(run, values=values)
+    (row,) = figure_4_19.figures
+    runs = dict.fromkeys(figure_4_19.runs, unseen)
+    for shown in finding_rows(row, runs):
         assert shown[2].endswith("Hz, true; camera: not yet")
-    ((_, _, measured, _),) = run_rows(tuple(figure_4_19.runs), figure_4_19.runs)
+    ((_, _, measured, _),) = run_rows(tuple(runs), runs)
     assert measured == "camera: not yet"
-    assert document(figure_4_19).count("camera: not yet") == 3
+    page = document(msgspec.structs.replace(figure_4_19, runs=runs))
+    assert page.count("camera: not yet") == 3
+
+
+def test_two_modes_are_measured_in_the_swing_of_one_link_within_their_sigma() -> None:
+    rng = np.random.default_rng(7)
+    t_s = np.arange(0.0, 4.0, 0.02)
+    true = ((0.6, 5e-3, 0.001, 0.4), (2.4, 1e-3, 0.003, -1.0))
+    swing = 1e-4 + 5e-6 * rng.normal(size=t_s.size)
+    for hz, amplitude, zeta, phase in true:
+        omega = 2.0 * math.pi * hz
+        damped = omega * math.sqrt(1.0 - zeta**2)
+        swing += amplitude * np.exp(-zeta * omega * t_s) * np.cos(damped * t_s + phase)
+    modes = fit_modes(t_s, swing, [0.62, 2.3])
+    for mode, (hz, amplitude, _, _) in zip(modes, true, strict=True):
+        assert mode.frequency_hz == pytest.approx(hz, abs=4.0 * mode.sigma_frequency_hz)
+        assert mode.amplitude_rad == pytest.approx(amplitude, abs=4.0 * mode.sigma_amplitude_rad)
+        assert mode.sigma_frequency_hz < 2e-3 * hz
+    shapes = np.array([[1.0, 0.5], [1.4, -1.0]])
+    swing_rad, sigma_rad = largest_link_swing(modes, shapes)
+    assert swing_rad == pytest.approx(1.4 * 5e-3 + 2.0 * 1e-3, abs=4.0 * sigma_rad)
+
+
+def test_a_mode_that_is_lost_in_the_noise_has_no_frequency() -> None:
+    rng = np.random.default_rng(7)
+    t_s = np.arange(0.0, 4.0, 0.02)
+    swing = 1e-3 * np.cos(2.0 * math.pi * 0.6 * t_s) + 5e-6 * rng.normal(size=t_s.size)
+    first, second = fit_modes(t_s, swing, [0.6, 2.4])
+    assert first.frequency_hz == pytest.approx(0.6, abs=1e-3)
+    assert second.frequency_hz is None
+    assert fit_modes(t_s[:30], swing[:30], [0.6, 2.4]) == ()
 
 
 def test_a_table_of_the_source_is_headed_as_one() -> None:
