@@ -64,10 +64,18 @@ class VideoTracker:
         pivot_px: None: that of the first look. Lines and rows of the result are those of the view.
         """
         fit = self._measured(image, pivot_px)
+        if self._choices.at_rest:
+            return fit  # pictures of a cable that hangs still may be equal
         repetition = self._repetition(image)
         if fit.valid and repetition is not None:
             return replace(fit, angle_rad=None, sigma_rad=None, reason=repetition, lower=None)
         return fit
+
+    @property
+    def height(self) -> int:
+        """Height of the view [px]."""
+        width, height = self._size
+        return height if self.look is None else self.look.view.size(width, height)[1]
 
     def gate_px(self, pivot_px: Point | None) -> Point | None:
         """Compute the place in the view that the cable must pass; None if it is not known."""

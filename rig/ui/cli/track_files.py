@@ -60,15 +60,25 @@ def write_log(
 
 def _sample(seq: int, t_ns: int, row: TrackedFrame, joint_px: Point | None) -> AngleSample:
     links: tuple[LinkAngle, ...] = ()
-    if row.angle_rad is not None and row.sigma_rad is not None:
+    raw_rad = row.raw_rad
+    if row.angle_rad is not None and row.sigma_rad is not None and raw_rad is not None:
         link = LinkAngle(
             angle_rad=row.angle_rad,
             sigma_rad=row.sigma_rad,
-            raw_rad=row.angle_rad,
-            offset_rad=0.0,
+            raw_rad=raw_rad,
+            offset_rad=raw_rad - row.angle_rad,
             joint_px=joint_px,
         )
         links = (link,)
+    if links and row.lower_rad is not None and row.lower_sigma_rad is not None:
+        lower = LinkAngle(
+            angle_rad=row.lower_rad,
+            sigma_rad=row.lower_sigma_rad,
+            raw_rad=row.lower_rad,
+            offset_rad=0.0,
+            joint_px=_joint(row),
+        )
+        links = (*links, lower)
     miss_px = row.pivot_miss_px
     return AngleSample(
         seq=seq,
@@ -85,6 +95,12 @@ def _sample(seq: int, t_ns: int, row: TrackedFrame, joint_px: Point | None) -> A
         saturation=0.0,
         links=links,
     )
+
+
+def _joint(row: TrackedFrame) -> Point | None:
+    if row.joint_x_px is None or row.joint_y_px is None:
+        return None
+    return row.joint_x_px, row.joint_y_px
 
 
 class OverlayVideo:
