@@ -116,7 +116,9 @@ class AxisFitter:
         v, offsets = rows.v, rows.offsets
         if assumed.knee_row is not None:
             measured = self._with_knee(assumed, rows)
-            if measured.correlation_factor < KNEE_FACTOR:
+            above = np.count_nonzero(v < (measured.axis.knee_row or 0.0))
+            is_joint = above >= MIN_LINK_SHARE * self._height
+            if is_joint and measured.correlation_factor < KNEE_FACTOR:
                 return measured
             # no joint explains these rows
             assumed = assumed._replace(knee_row=None, knee_slope=0.0)
@@ -124,7 +126,7 @@ class AxisFitter:
             whole = RowOffsets(offsets.offset_px + change_px, offsets.curvature)
             fit = huber_fit(self._basis[:, v], whole)
             bent = self._bent(assumed, rows._replace(offsets=whole), fit)
-            return measured if measured.scatter_px < bent.scatter_px else bent
+            return measured if is_joint and measured.scatter_px < bent.scatter_px else bent
         if assumed.bend_px:
             straight = Axis(assumed.line)
             change_px = self.columns(assumed, v) - straight.line.at(v)

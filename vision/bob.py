@@ -19,10 +19,15 @@ MAX_ANGLE_RAD = math.radians(60.0)
 
 
 class BobTracker:
-    """Tracker of the bob of a first look, in pictures of the view."""
+    """Tracker of the bob of a first look, in pictures of the view.
 
-    def __init__(self, look: BobLook) -> None:
+    The sigma of an angle contains the accuracy of the pivot, unless it is told: that error is
+    common to all pictures.
+    """
+
+    def __init__(self, look: BobLook, *, is_pivot_told: bool = False) -> None:
         self._look = look
+        self._is_pivot_told = is_pivot_told
 
     def measure(self, image: Grey, pivot_px: tuple[float, float]) -> Fit:
         """Measure the angle in image (height, width) uint8 of the view.
@@ -58,6 +63,7 @@ class BobTracker:
             blob.sigma_px[0] * math.cos(angle_rad),
             blob.sigma_px[1] * math.sin(angle_rad),
             MIN_SIGMA_PX,
+            self._pivot_sigma_px(angle_rad),
         )
         return replace(
             empty,
@@ -71,3 +77,13 @@ class BobTracker:
             first_row=round(blob.v - 0.5 * blob.rows),
             last_row=round(blob.v + 0.5 * blob.rows),
         )
+
+    def _pivot_sigma_px(self, angle_rad: float) -> float:
+        """Compute the deviation of the pivot across the line at an angle."""
+        if self._is_pivot_told:
+            return 0.0
+        circle = self._look.circle
+        across = circle.sigma_centre_px[0] * math.cos(angle_rad)
+        along = circle.sigma_centre_px[1] * math.sin(angle_rad)
+        variance = across**2 + along**2 - 2.0 * circle.correlation * across * along
+        return math.sqrt(max(0.0, variance))

@@ -206,9 +206,10 @@ def _turned(found: BobLook, turns: int, size: tuple[int, int]) -> BobLook:
             continue
         u, v = place((blob.u, blob.v))
         blobs.append(blob._replace(u=u, v=v))
-    sigma = found.circle.sigma_centre_px
+    circle = found.circle._replace(centre_px=place(found.circle.centre_px))
     if turns % 2:
-        sigma = sigma[::-1]
-    circle = found.circle._replace(centre_px=place(found.circle.centre_px), sigma_centre_px=sigma)
+        circle = circle._replace(
+            sigma_centre_px=circle.sigma_centre_px[::-1], correlation=-circle.correlation
+        )
     ground = np.ascontiguousarray(np.rot90(found.ground, turns))
     return BobLook(view, ground, circle, found.area_px, tuple(blobs))

@@ -137,20 +137,22 @@ def _look(pictures: Sequence[Grey], pivots_px: Sequence[Point] | None, chosen: L
     size = (pictures[0].shape[1], pictures[0].shape[0])
     view = choose_view(pictures, chosen.plane, chosen.is_bright, chosen.turns, chosen.region)
     seen = [view.picture(picture) for picture in pictures]
-    shifts_px = _shifts_px(view, size, pivots_px, len(seen))
+    moves_px = _moves_px(pivots_px, len(seen))
+    origin = view.to_view((0.0, 0.0), size)[0]
+    shifts_px = [view.to_view(move_px, size)[0] - origin for move_px in moves_px]
     found = cable_lines(seen, chosen.width_px)
     pivot = _pivot(found, shifts_px)
     if not found.is_moving:
         bob = look_for_bob(
             pictures,
-            [(shift_px, 0.0) for shift_px in shifts_px],
+            moves_px,
             chosen.plane,
             chosen.is_bright,
             chosen.turns,
             chosen.region,
         )
         if bob is not None:
-            return _described_bob(bob, size)
+            return _described_bob(bob, size, moves_px)
     if chosen.turns is None and _is_upside_down(found, pivot, seen[0].shape[0]):
         turned = replace(chosen, turns=(view.turns + 2) % 4, plane=view.plane)
         return _look(pictures, pivots_px, replace(turned, is_bright=view.is_bright))
@@ -174,14 +176,12 @@ def _choice_findings(chosen: LookChoices, other: Look) -> Iterator[LookFinding]:
         yield LookFinding(f"{about} of the whole picture", "roi", "X,Y,W,H around it")
 
 
-def _shifts_px(
-    view: View, size: tuple[int, int], pivots_px: Sequence[Point] | None, count: int
-) -> list[float]:
-    """Compute the motion of the told pivot along x in the view, from the first picture."""
+def _moves_px(pivots_px: Sequence[Point] | None, count: int) -> list[Point]:
+    """Compute the motion of the told pivot in the pictures, from the first one [px]."""
     if not pivots_px:
-        return [0.0] * count
-    columns = [view.to_view(pivot, size)[0] for pivot in pivots_px]
-    return [column - columns[0] for column in columns]
+        return [(0.0, 0.0)] * count
+    x, y = pivots_px[0]
+    return [(pivot[0] - x, pivot[1] - y) for pivot in pivots_px]
 
 
 def _pivot(found: CableLines, shifts_px: Sequence[float]) -> Pivot | None:
@@ -241,15 +241,14 @@ def _findings(
     found: CableLines,
     chosen: LookChoices,
 ) -> Iterator[LookFinding]:
-    if chosen.turns is None:
-        yield from turn_findings(described.view.turns)
+    yield from turn_findings(described.view.turns)
     pivot, place = described.pivot, described.pivot_in_picture()
     if pivot is not None and place is not None:
         yield from pivot_findings(pivot, len(seen), place)
         yield from static_findings(described.static_lines, pivot.at_px)
     if described.subject is Subject.CABLE and described.scene is not None:
         yield from second_line_findings(seen, found, described.scene)
-    elif described.subject is Subject.STILL and not chosen.at_rest:
+    elif described.subject is Subject.STILL and described.scene is not None:
         yield from static_findings(described.static_lines, None)
     elif described.subject is Subject.NOTHING:
         upright = [plane_of(picture, described.view.plane) for picture in pictures]
@@ -267,17 +266,21 @@ def _searched(chosen: LookChoices) -> str:
     return f"{planes}, {polarity}{turns}{part}"
 
 
-def _described_bob(bob: BobLook, size: tuple[int, int]) -> Look:
+def _described_bob(bob: BobLook, size: tuple[int, int], moves_px: Sequence[Point]) -> Look:
     circle = bob.circle
-    lines = [blob for blob in bob.blobs if blob is not None]
-    x, y = circle.centre_px
-    angles = [math.atan2(blob.u - x, blob.v - y) for blob in lines]
+    centre = bob.view.to_picture(circle.centre_px, size)
+    angles = []
+    for blob, move_px in zip(bob.blobs, moves_px, strict=True):
+        if blob is not None:
+            pivot_px = (centre[0] + move_px[0], centre[1] + move_px[1])
+            x, y = bob.view.to_view(pivot_px, size)
+            angles.append(math.atan2(blob.u - x, blob.v - y))
     pivot = Pivot(
         circle.centre_px,
         circle.sigma_centre_px,
         circle.scatter_px,
         circle.points,
-        len(lines) - circle.points,
+        len(angles) - circle.points,
         0.0,
     )
     return Look(

@@ -91,13 +91,17 @@ class _Angles(NamedTuple):
 def tracked_frames(
     frames: Iterable[SourceFrame], tracker: VideoTracker, chosen: Measurement
 ) -> Iterator[TrackedPicture]:
-    """Measure every frame; one with a fault of its source has the fault as its reason."""
+    """Measure every frame; one with a fault of its source has the fault as its reason.
+
+    A source that knows the pivot of each frame is asked first.
+    """
     plane = "red" if tracker.look is None else tracker.look.view.plane
     for frame in frames:
-        fit = tracker.measure(frame.image, chosen.pivot_px)
+        pivot_px = chosen.pivot_px if frame.pivot_px is None else frame.pivot_px
+        fit = tracker.measure(frame.image, pivot_px)
         reason = _reason(fit, frame, chosen.at_rest)
         valid = reason is TrackFailure.NONE
-        line = _line(fit, tracker, chosen.pivot_px) if valid else None
+        line = _line(fit, tracker, pivot_px) if valid else None
         angles = _Angles() if line is None else _angles(fit, line, tracker, chosen.placement)
         delay_s = 0.0 if line is None else chosen.row_s * readout_rows(line)
         row = TrackedFrame(
@@ -113,8 +117,8 @@ def tracked_frames(
             last_row=fit.last_row,
             residual_px=fit.residual_px,
             pivot_miss_px=fit.pivot_miss_px,
-            bend_px=fit.bend_px,
-            sigma_bend_px=fit.sigma_bend_px,
+            bend_px=float(fit.bend_px),
+            sigma_bend_px=float(fit.sigma_bend_px),
             plane=plane,
             raw_rad=angles.raw_rad,
             lower_rad=angles.lower_rad,

@@ -49,7 +49,7 @@ class VideoTracker:
         self.look = found
         width, height = found.view.size(*self._size)
         if found.bob is not None:
-            self._tracker = BobTracker(found.bob)
+            self._tracker = BobTracker(found.bob, is_pivot_told=self._keeps_pivot)
         else:
             self._tracker = Tracker(width, height, found.cable, found.scene)
         if pivots_px and found.is_pivot_known and found.pivot is not None:

@@ -20,9 +20,10 @@ from rig.ui.plots import picture_file
 from vision.errors import VisionError
 from vision.first_look import Look, Subject
 from vision.sources import open_source
-from vision.stream import FrameStream
+from vision.stream import FrameStream, SourceFrame
 from vision.tracked import Measurement, TrackedFrame, tracked_frames, without_readout_bend
 from vision.video_tracker import VideoTracker
+from vision.view import Point
 
 LOOK_PICTURES = 30
 SUBJECTS = {
@@ -40,13 +41,10 @@ def track_video(options: TrackOptions) -> int:
     wanted = None if options.filter is None else filter_of(options.filter)
     _check_files(options)
     cv2.setNumThreads(1)
-    source = open_source(options.video, options.source())
+    source = _opened(options)
     spread = source.spread(LOOK_PICTURES)
     if not spread:
-        raise VisionError(
-            f"{options.video}: 0 frames decoded; must be 1 or more: the file is empty or cut short "
-            "(record it again), or --from and --to leave none"
-        )
+        raise _no_frames(options, source)
     height, width = spread[0].image.shape[:2]
     if choices.region is not None:
         x, y, w, h = choices.region
@@ -62,8 +60,7 @@ def track_video(options: TrackOptions) -> int:
     if calibration is not None and pivot_px is None:
         expected_px = calibration.placement.pivot_px()
     tracker = VideoTracker(width, height, choices, keeps_pivot=pivot_px is not None)
-    same_size = [frame.image for frame in spread if frame.image.shape == spread[0].image.shape]
-    tracker.prepare(same_size, [expected_px] * len(same_size) if expected_px else None)
+    _prepare(tracker, spread, expected_px)
     assert tracker.look is not None
     if options.plot is not None:
         _draw_look(options, tracker.look)
@@ -80,6 +77,42 @@ def track_video(options: TrackOptions) -> int:
     findings = list(source.findings)
     tracked = TrackedVideo(rows, tracker.look, source, findings, pivot_px, gate_px, calibration)
     return _finish(options, tracked, wanted)
+
+
+def _opened(options: TrackOptions) -> FrameStream:
+    try:
+        return open_source(options.video, options.source())
+    except VisionError as error:
+        raise ConfigError(str(error)) from None
+
+
+def _prepare(tracker: VideoTracker, spread: list[SourceFrame], expected_px: Point | None) -> None:
+    """Show spread frames of one size to the tracker, with the pivot where it is known."""
+    shape = spread[0].image.shape
+    used = [frame for frame in spread if frame.image.shape == shape]
+    pivots = [frame.pivot_px or expected_px for frame in used]
+    known = [pivot for pivot in pivots if pivot is not None]
+    pictures = [frame.image for frame in used]
+    tracker.prepare(pictures, known if len(known) == len(used) else None)
+
+
+def _no_frames(options: TrackOptions, source: FrameStream) -> Exception:
+    """Explain why no frame was read."""
+    if options.from_s is None and options.to_s is None:
+        return VisionError(
+            f"{options.video}: 0 frames decoded; must be 1 or more: the file is empty or cut "
+            "short, record it again"
+        )
+    about = source.about
+    stated = "its length"
+    if about.frames is not None and about.rate_hz is not None:
+        stated = f"about {about.frames / about.rate_hz:.4g} s"
+    part = [f"--from {options.from_s:g}"] if options.from_s is not None else []
+    part += [f"--to {options.to_s:g}"] if options.to_s is not None else []
+    return ConfigError(
+        f"{' '.join(part)} leaves no frame of {options.video}; must be within 0 and {stated}: "
+        "choose another part"
+    )
 
 
 def _check_files(options: TrackOptions) -> None:
