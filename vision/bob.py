@@ -14,6 +14,7 @@ from vision.ridge import grey_levels
 MAX_AREA_RATIO = 1.6  # of the area in the first look; more or less is something else
 MAX_MISS_PX = 3.0  # of the distance from the pivot
 MAX_MISS_SIGMAS = 6.0
+MAX_RADIUS_SIGMAS = 3.0  # a short arc hardly tells the distance
 MIN_SIGMA_PX = 0.007  # of a centroid without noise: rounding of pixels and ground
 MAX_ANGLE_RAD = math.radians(60.0)
 
@@ -52,7 +53,12 @@ class BobTracker:
         miss_px = distance - self._look.circle.radius_px
         reason = TrackFailure.NONE
         ratio = blob.area_px / self._look.area_px
-        limit_px = max(MAX_MISS_PX, MAX_MISS_SIGMAS * self._look.circle.scatter_px)
+        circle = self._look.circle
+        limit_px = max(
+            MAX_MISS_PX,
+            MAX_MISS_SIGMAS * circle.scatter_px,
+            MAX_RADIUS_SIGMAS * circle.sigma_radius_px,
+        )
         if blob.touches_border or not 1.0 / MAX_AREA_RATIO < ratio < MAX_AREA_RATIO:
             reason = TrackFailure.POOR_FIT
         elif abs(miss_px) > limit_px or abs(angle_rad) > MAX_ANGLE_RAD:

@@ -69,7 +69,10 @@ def _fitted(x: FloatArray, y: FloatArray) -> Circle | None:
         return None
     miss = np.hypot(u - q[0], v - q[1]) - q[2]
     variance = float(miss @ miss) / max(len(u) - 3, 1)
-    inverse = np.linalg.pinv(jacobian.T @ jacobian)
+    # of the Jacobian, not of its square: the columns of a short arc are nearly the same
+    _, singular, basis = np.linalg.svd(jacobian, full_matrices=False)
+    scaled = basis.T / np.maximum(singular, 1e-12)
+    inverse = scaled @ scaled.T
     deviations = np.sqrt(np.diag(inverse) * variance)
     correlation = float(inverse[0, 1]) / math.sqrt(float(inverse[0, 0] * inverse[1, 1]))
     return Circle(

@@ -96,13 +96,15 @@ class Look:
     def gate_px(self) -> Point | None:
         """Choose the place in the view that a line must pass, where no pivot is told.
 
-        The pivot; if its row is not known, the place of the lines above the picture.
+        The pivot; if its row is not known, the place of the lines above the picture (bob: None).
         """
         height = self.median.shape[0]
         row = -ABOVE_SHARE * height
         if self.pivot is not None:
             if self.pivot.sigma_px[1] <= MAX_PIVOT_SIGMA_PX:
                 return self.pivot.at_px
+            if self.bob is not None:
+                return None
             measured = [item.measured.line for item in self.lines if item is not None]
             row = min(row, self.pivot.at_px[1])
             return float(np.median([line.at(row) for line in measured])), row
@@ -180,8 +182,7 @@ def _moves_px(pivots_px: Sequence[Point] | None, count: int) -> list[Point]:
     """Compute the motion of the told pivot in the pictures, from the first one [px]."""
     if not pivots_px:
         return [(0.0, 0.0)] * count
-    x, y = pivots_px[0]
-    return [(pivot[0] - x, pivot[1] - y) for pivot in pivots_px]
+    return [(x - pivots_px[0][0], y - pivots_px[0][1]) for x, y in pivots_px]
 
 
 def _pivot(found: CableLines, shifts_px: Sequence[float]) -> Pivot | None:
@@ -293,6 +294,7 @@ def _described_bob(bob: BobLook, size: tuple[int, int], moves_px: Sequence[Point
         swing_rad=(min(angles), max(angles)),
         findings=(
             *turn_findings(bob.view.turns),
+            *pivot_findings(pivot, len(moves_px), centre),
             LookFinding("no cable can be seen: the bob is tracked"),
         ),
     )

@@ -72,7 +72,7 @@ def pivot_findings(
             "START --to END of a part without motion",
         )
     if lines < FEW_SHARE * pictures:
-        yield LookFinding(f"only {lines} of {pictures} pictures show the line that moves")
+        yield LookFinding(f"only {lines} of {pictures} pictures show what moves")
 
 
 def told_pivot_finding(
