@@ -100,7 +100,7 @@ class AxisFitter:
                 v, u = v[free], u[free]
         if len(v) < MIN_ROWS:
             return None
-        offset_px, curvature = row_offsets(image, v, u, self._templates)
+        offset_px, curvature = row_offsets(image, v, u, self._templates, noise)
         min_curvature = MIN_CURVATURE_SIGMAS * self._templates.second_norm * noise
         good = (np.abs(offset_px) < self._max_newton_px) & (curvature > min_curvature)
         count = int(np.count_nonzero(good))

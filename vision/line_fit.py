@@ -22,6 +22,9 @@ HUBER_ITERATIONS = 2  # reweighted fits, from a robust line
 COARSE_SCALES_PX = (5.0, 1.5)  # outlier scales of the coarse line, from strip to pixel
 MIN_SCALE_PX = 1e-3  # lower bound: without noise the rows may agree exactly
 MIN_ROWS = 8  # fewer rows give no useful scatter
+GRADIENT_ROWS = 40  # of a block in which the gradient of the background is averaged
+GRADIENT_SIGMAS, MIN_GRADIENT_1_PX = 4.0, 0.05  # less is noise, or the edge of a blurred cable
+MAX_GRADIENT_1_PX = 3.0  # grey levels a pixel; more is an edge beside the cable
 MIN_CURVATURE = 1e-6  # grey/px^2; avoids a division by zero
 NO_NUMBERS: FloatArray = np.zeros(0)
 NO_COVARIANCE: FloatArray = np.zeros((0, 0))
@@ -76,7 +79,9 @@ def pixel_runs(image: Grey, first: Rows, width: int) -> Grey:
     return every[first].view(np.uint8).reshape(-1, width)
 
 
-def row_offsets(image: Grey, v: Rows, u: FloatArray, templates: Templates) -> RowOffsets:
+def row_offsets(
+    image: Grey, v: Rows, u: FloatArray, templates: Templates, noise: float
+) -> RowOffsets:
     """Take one Newton step in each row to the stationary point of the correlation with a template.
 
     image (H, W) uint8 contiguous, v (N,) rows, u (N,) columns near the cable, at least the half
@@ -90,8 +95,39 @@ def row_offsets(image: Grey, v: Rows, u: FloatArray, templates: Templates) -> Ro
     chosen = templates.pairs.take(whole - centre * PHASES, axis=0)
     pixels = _pixels(image, v, centre, templates)
     first, second = np.einsum("nj,nkj->kn", pixels, chosen).astype(np.float64)
+    gradient = _background_gradient(pixels, templates, noise)
+    if gradient is not None:
+        first -= templates.trend * gradient
     curvature = np.maximum(second, MIN_CURVATURE)
     return RowOffsets(first / curvature + (step / PHASES - u), curvature)
+
+
+def _background_gradient(
+    pixels: np.ndarray[Any, np.dtype[np.float32]], templates: Templates, noise: float
+) -> FloatArray | None:
+    """Measure the gradient of the background along rows (N, taps) [grey levels/px]; None if none.
+
+    From the outer pixels on each side, which show no cable; means over blocks of rows.
+    """
+    blocks = len(pixels) // GRADIENT_ROWS
+    if blocks < 2:
+        return None
+    part = pixels[: blocks * GRADIENT_ROWS].reshape(blocks, GRADIENT_ROWS, -1)
+    noise_1_px = noise * templates.outer_norm / math.sqrt(GRADIENT_ROWS)
+    limit = max(GRADIENT_SIGMAS * noise_1_px, MIN_GRADIENT_1_PX)
+    if not _exceeds(np.einsum("bnj,j->b", part, templates.outer) / GRADIENT_ROWS, limit):
+        return None
+    gradient = np.einsum("bnj,j->bn", part, templates.outer)
+    gradient[np.abs(gradient) > MAX_GRADIENT_1_PX] = 0.0
+    mean = gradient.mean(axis=1)
+    if not _exceeds(mean, limit):
+        return None
+    middles = (np.arange(blocks) + 0.5) * GRADIENT_ROWS - 0.5
+    return np.asarray(np.interp(np.arange(len(pixels)), middles, mean))
+
+
+def _exceeds(values: FloatArray, limit: float) -> bool:
+    return any(abs(value) > limit for value in values.tolist())
 
 
 def refined_columns(image: Grey, v: Rows, u: Rows, templates: Templates) -> FloatArray:
