@@ -63,6 +63,11 @@ def pivot_findings(
             "pivot",
             "X,Y",
         )
+    elif pivot.lines < FEW_SHARE * lines:
+        yield LookFinding(
+            f"{pivot.outliers} of {lines} lines miss the point {where} in which the others meet: "
+            "the pivot moves, or it is not one cable"
+        )
     limit_px = max(MIN_DRIFT_PX, MAX_DRIFT_SIGMAS * pivot.scatter_px / math.sqrt(pivot.lines))
     if abs(pivot.drift_px) > limit_px and pivot.scatter_px <= 3.0 * abs(pivot.drift_px):
         yield LookFinding(
