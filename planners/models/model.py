@@ -156,13 +156,14 @@ class Model(ABC):
         return float(np.abs(self.modes().eigenvalues_1_s).min())
 
     def amplitude_rad(self, angles_rad: FloatArray, rates_rad_s: FloatArray) -> float:
-        """Bound the largest angle of any link in undamped free swing from this state.
+        """Bound the largest angle of any link in free swing from this state: its envelope there.
 
-        angles and rates (n,), small swings. One link: sqrt(theta^2 + (theta'/w)^2). Several links:
-        the sum over the modes, which is reached when they come into phase.
+        angles and rates (n,), small swings. One link with the damping ratio z, w_d = w sqrt(1-z^2):
+        sqrt(theta^2 + ((theta' + z w theta) / w_d)^2). Several links: the sum over the modes, which
+        is reached when they come into phase.
         """
         n = self.links_count
-        modes = _modes(self, "driven", False)
+        modes = self.modes()
         q = modes.left_eigenvectors @ np.concatenate(
             [np.atleast_1d(angles_rad), np.atleast_1d(rates_rad_s)]
         )

@@ -15,17 +15,24 @@ from rig.analysis.identify.decay import (
 )
 from rig.analysis.identify.errors import AnalysisError
 from rig.analysis.identify.latency import swing_error_rms_rad
-from rig.analysis.identify.swing import initial_swing_rad, peak_swing_rad, residual_amplitude_rad
+from rig.analysis.identify.swing import (
+    initial_swing_rad,
+    largest_gap_s,
+    peak_swing_rad,
+    residual_amplitude_rad,
+)
 from rig.analysis.run_log import RunLog
 from rig.analysis.summary import Planned, Quantities, SwingError
 from rig.analysis.true_load import is_beyond_a_pendulum, true_load, true_motion
+
+MAX_MISSING_FRAMES = 2  # in a row, while the largest swing is looked for
 
 
 def measured_quantities(run: RunLog, fit: DecayFit | None) -> tuple[Quantities, Quantities]:
     """Compute the measured quantities and their standard deviations."""
     measured, sigma = Quantities(), Quantities()
     t, angle, sigma_rad = run.single_frames
-    if run.t_start_s is not None and t.size:
+    if run.t_start_s is not None and t.size and peak_gap_s(run) is None:
         with suppress(AnalysisError):
             measured.peak_swing_rad = peak_swing_rad(t, angle, *run.swing_window_s)
             sigma.peak_swing_rad = float(np.median(sigma_rad))
@@ -51,6 +58,16 @@ def measured_quantities(run: RunLog, fit: DecayFit | None) -> tuple[Quantities, 
     return measured, sigma
 
 
+def peak_gap_s(run: RunLog) -> tuple[float, float] | None:
+    """Find the longest part of the swing without an angle; None if a peak cannot hide in it."""
+    if run.t_start_s is None or not run.facts.rate_hz:
+        return None
+    t, _, _ = run.single_frames
+    first_s, last_s = largest_gap_s(t, *run.swing_window_s)
+    limit_s = (MAX_MISSING_FRAMES + 1.5) / run.facts.rate_of(run.main_camera)
+    return (first_s, last_s) if last_s - first_s > limit_s else None
+
+
 def true_quantities(run: RunLog) -> Quantities | None:
     """Compute the quantities of the simulated plant; None on a real rig."""
     omega = run.true_omega_rad_s
@@ -73,19 +90,24 @@ def true_quantities(run: RunLog) -> Quantities | None:
         curve = CubicHermiteSpline(t, angle, rate)
         at_s = float(run.t_settled_s)
         truth.residual_swing_rad = residual_amplitude_rad(
-            float(curve(at_s)), float(curve(at_s, 1)), omega
+            float(curve(at_s)), float(curve(at_s, 1)), omega, load["damping_ratio"]
         )
         truth.peak_swing_rad = peak_swing_rad(t, angle, t0, t1)
     return truth
 
 
 def planned_quantities(run: RunLog) -> Planned:
-    """Read the swing that the plan predicts."""
+    """Read the swing that the plan predicts; the residual at the instant of the measured one.
+
+    The damping of the model acts from the end of the plan to that instant.
+    """
     metrics = run.plan.metrics or {}
-    return Planned(
-        peak_swing_rad=metrics.get("peak_swing_rad"),
-        residual_swing_rad=metrics.get("residual_swing_nonlinear_rad"),
-    )
+    residual_rad = metrics.get("residual_swing_nonlinear_rad")
+    omega_rad_s = 2 * math.pi * (model_quantities(run).natural_frequency_hz or 0.0)
+    if residual_rad is not None and run.t_start_s is not None:
+        settling_s = run.t_settled_s - run.t_move_s - run.plan.time_s
+        residual_rad *= math.exp(-run.facts.damping_ratio * omega_rad_s * settling_s)
+    return Planned(peak_swing_rad=metrics.get("peak_swing_rad"), residual_swing_rad=residual_rad)
 
 
 def model_quantities(run: RunLog) -> Quantities:

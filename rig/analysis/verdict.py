@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rig.analysis.delays import MAX_REFERENCE_LATENESS_NS
+from rig.analysis.quantities import peak_gap_s
 from rig.analysis.run_log import RunLog
 from rig.analysis.summary import Across, Summary
 from rig.analysis.true_load import pushed_after, true_motion
@@ -113,6 +114,12 @@ def _doubts(summary: Summary, run: RunLog) -> list[str]:
         if row.lost_kernel:
             doubts.append(f"link '{name}': {row.lost_kernel} lost by the kernel")
     doubts += _frame_doubts(summary)
+    gap_s = peak_gap_s(run)
+    if gap_s is not None and run.angles:
+        doubts.append(
+            f"no angle from {gap_s[0]:.2f} to {gap_s[1]:.2f} s: the peak swing is not given, "
+            "because it may have been then"
+        )
     motion = summary.motion
     if motion.setpoints_outside:
         doubts.append(

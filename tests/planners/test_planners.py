@@ -57,7 +57,8 @@ def problem_for(name, **more):
 
 
 def amplitude(model, end):
-    return math.hypot(end[0], end[1] / math.sqrt(G / model.length_m))
+    w, z = math.sqrt(G / model.length_m), model.damping_ratio
+    return math.hypot(end[0], (end[1] + z * w * end[0]) / (w * math.sqrt(1.0 - z * z)))
 
 
 def swing_by_dop853(motion, model, *, nonlinear, start=(0.0, 0.0), axis=0):

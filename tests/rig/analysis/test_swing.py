@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
 
 from rig.analysis.identify.errors import AnalysisError
 from rig.analysis.identify.swing import (
     initial_swing_rad,
+    largest_gap_s,
     peak_swing_rad,
     residual_amplitude_rad,
     truth_at,
@@ -25,6 +27,14 @@ def test_the_peak_is_the_largest_excursion_to_either_side_inside_the_window() ->
     angle = np.array([0.9, 0.1, -0.3, 0.2, 0.25, -0.8])
     assert peak_swing_rad(t, angle, 1.0, 4.0) == 0.3
     assert peak_swing_rad(t, angle, 0.0, 5.0) == 0.9
+
+
+def test_a_gap_counts_from_the_edges_of_the_window_too() -> None:
+    t_s = np.array([0.0, 0.1, 0.2, 0.6, 0.7, 2.0])
+    assert largest_gap_s(t_s, 0.0, 0.75) == pytest.approx((0.2, 0.6))
+    assert largest_gap_s(t_s, 0.0, 1.5) == pytest.approx((0.7, 1.5))
+    assert largest_gap_s(t_s, -1.0, 0.2) == pytest.approx((-1.0, 0.0))
+    assert largest_gap_s(np.empty(0), 1.0, 3.0) == (1.0, 3.0)
 
 
 def test_a_window_without_angles_has_no_peak() -> None:
@@ -64,15 +74,37 @@ def test_a_quiet_window_too_short_for_a_sinusoid_is_refused(
         initial_swing_rad(t_s, np.zeros(t_s.size), OMEGA_RAD_S)
 
 
-@given(t_s=st.floats(0, 100), amplitude_rad=st.floats(1e-6, 0.3), omega_rad_s=st.floats(1, 20))
-def test_the_residual_amplitude_is_the_same_anywhere_on_the_swing(
-    t_s: float, amplitude_rad: float, omega_rad_s: float
+@given(
+    t_s=st.floats(0, 20),
+    amplitude_rad=st.floats(1e-6, 1e-3),
+    omega_rad_s=st.floats(1, 20),
+    damping_ratio=st.floats(0, 0.3),
+)
+def test_the_residual_amplitude_is_the_envelope_of_a_small_damped_swing(
+    t_s: float, amplitude_rad: float, omega_rad_s: float, damping_ratio: float
 ) -> None:
-    angle_rad = amplitude_rad * math.sin(omega_rad_s * t_s)
-    rate_rad_s = amplitude_rad * omega_rad_s * math.cos(omega_rad_s * t_s)
-    assert residual_amplitude_rad(angle_rad, rate_rad_s, omega_rad_s) == pytest.approx(
-        amplitude_rad, rel=1e-12
+    decay_1_s = damping_ratio * omega_rad_s
+    damped_rad_s = omega_rad_s * math.sqrt(1.0 - damping_ratio**2)
+    envelope_rad = amplitude_rad * math.exp(-decay_1_s * t_s)
+    angle_rad = envelope_rad * math.cos(damped_rad_s * t_s)
+    rate_rad_s = -decay_1_s * angle_rad - damped_rad_s * envelope_rad * math.sin(damped_rad_s * t_s)
+    found_rad = residual_amplitude_rad(angle_rad, rate_rad_s, omega_rad_s, damping_ratio)
+    assert found_rad == pytest.approx(envelope_rad, rel=1e-6, abs=1e-15)
+
+
+@pytest.mark.parametrize("amplitude_rad", [0.1, 0.5, 1.5])
+def test_the_residual_amplitude_is_the_turning_point_of_a_large_swing(amplitude_rad: float) -> None:
+    swing = solve_ivp(
+        lambda _, y: [y[1], -(OMEGA_RAD_S**2) * math.sin(y[0])],
+        (0.0, 3.0),
+        [amplitude_rad, 0.0],
+        method="DOP853",
+        rtol=1e-11,
+        atol=1e-12,
     )
+    for angle_rad, rate_rad_s in swing.y.T:
+        found_rad = residual_amplitude_rad(float(angle_rad), float(rate_rad_s), OMEGA_RAD_S, 0.0)
+        assert found_rad == pytest.approx(amplitude_rad, rel=1e-8)
 
 
 def test_the_truth_between_its_stamps_is_true() -> None:
