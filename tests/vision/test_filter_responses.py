@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -167,7 +168,7 @@ def test_parts_hold_every_angle_once_and_no_gap(steps: list[float], known: list[
     for part in parts:
         intervals = np.diff(t_s[part])
         assert ((intervals > 0.0) & (intervals <= GAP_S)).all()
-    for before, after in zip(parts, parts[1:], strict=False):
+    for before, after in pairwise(parts):
         interval = t_s[after.start] - t_s[before.stop - 1]
         is_apart = after.start > before.stop
         assert is_apart or not 0.0 < interval <= GAP_S  # parts are not cut without a reason
