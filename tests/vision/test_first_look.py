@@ -24,7 +24,7 @@ from tests.vision.swing_pictures import (
     swinging,
 )
 from vision.first_look import Look, LookChoices, Subject, look
-from vision.view import Region, View
+from vision.view import PictureRegion, PictureView
 
 COUNT = 14
 
@@ -52,7 +52,7 @@ def test_a_cable_that_swings_gives_its_pivot(pivot: Point) -> None:
     angles = swing(COUNT, min(amplitude, 0.25), math.atan((100.0 - pivot[0]) / (HEIGHT - pivot[1])))
     found = look(pictures_of([cable(float(a), pivot) for a in angles], 1))
     assert found.subject is Subject.CABLE
-    assert found.view == View()
+    assert found.view == PictureView()
     assert found.size == (WIDTH, HEIGHT)
     x, y = pivot_of(found)
     assert x == pytest.approx(pivot[0], abs=0.3)
@@ -84,13 +84,13 @@ def test_a_cable_that_differs_in_one_colour_gives_its_pivot(plane: str) -> None:
     levels = (ink[0], ink[1], ink[2])
     covers = [cable(float(angle)) for angle in swing(COUNT)]
     found = look([coloured(cover, random, (150.0,) * 3, levels) for cover in covers])
-    assert found.view == View(plane, True)
+    assert found.view == PictureView(plane, True)
     assert found.is_pivot_known
     assert pivot_of(found) == pytest.approx(PIVOT_PX, abs=0.15)
 
 
 def test_a_region_leaves_the_pivot_where_it_is_in_the_picture() -> None:
-    region = Region(30, 40, 150, 110)
+    region = PictureRegion(30, 40, 150, 110)
     found = look(swinging(COUNT), choices=LookChoices(region=region))
     assert found.view.region == region
     assert pivot_of(found) == pytest.approx(PIVOT_PX, abs=0.15)
@@ -194,7 +194,9 @@ def test_two_cables_have_no_common_pivot() -> None:
     found = look(pictures_of(covers, 10))
     assert found.subject is Subject.CABLE
     assert not found.is_pivot_known
-    left = look(pictures_of(covers, 10), choices=LookChoices(region=Region(0, 0, 100, HEIGHT)))
+    left = look(
+        pictures_of(covers, 10), choices=LookChoices(region=PictureRegion(0, 0, 100, HEIGHT))
+    )
     assert left.is_pivot_known
     assert pivot_of(left) == pytest.approx((70.0, -16.0), abs=0.5)
 
@@ -204,7 +206,7 @@ def test_a_told_width_polarity_and_plane_are_kept() -> None:
     assert not choices.is_free
     assert LookChoices(width_px=4.0, at_rest=True).is_free
     found = look(swinging(COUNT), choices=choices)
-    assert found.view == View("green", False, 0)
+    assert found.view == PictureView("green", False, 0)
     assert found.cable is not None
     assert found.cable.width_px == 4.0
     assert found.is_pivot_known
