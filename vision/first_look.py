@@ -28,11 +28,11 @@ from vision.look_findings import (
     static_findings,
     turn_findings,
 )
-from vision.pivot_fit import Pivot, meeting_point
+from vision.pivot_fit import MeetingPoint, meeting_point
 from vision.ridge import grey_levels
 from vision.static_scene import StaticScene
 from vision.templates import CableLook
-from vision.view import Point, Region, View, plane_of
+from vision.view import PictureRegion, PictureView, Point, plane_of
 from vision.view_choice import choose_view
 
 MAX_PIVOT_SCATTER_PX = 2.0  # of lines that meet in one point
@@ -58,7 +58,7 @@ class LookChoices:
     is_bright: bool | None = None
     turns: int | None = None
     width_px: float | None = None
-    region: Region | None = None
+    region: PictureRegion | None = None
     at_rest: bool = False  # a cable that never moves is measured
 
     @property
@@ -71,13 +71,13 @@ class LookChoices:
 class Look:
     """Result of a first look. Places and lines are those of the view."""
 
-    view: View
+    view: PictureView
     subject: Subject
     size: tuple[int, int]  # width and height of the pictures
     median: Grey  # of the view: what never moves, and a cable that hardly does
     scene: StaticScene | None = None  # None: the cable cannot be told from what never moves
     cable: CableLook | None = None
-    pivot: Pivot | None = None
+    pivot: MeetingPoint | None = None
     bob: BobLook | None = None
     lines: tuple[PictureLine | None, ...] = ()  # one for each picture
     static_lines: tuple[FreeLine, ...] = ()
@@ -185,7 +185,7 @@ def _moves_px(pivots_px: Sequence[Point] | None, count: int) -> list[Point]:
     return [(x - pivots_px[0][0], y - pivots_px[0][1]) for x, y in pivots_px]
 
 
-def _pivot(found: CableLines, shifts_px: Sequence[float]) -> Pivot | None:
+def _pivot(found: CableLines, shifts_px: Sequence[float]) -> MeetingPoint | None:
     measured = []
     for item, shift_px in zip(found.lines, shifts_px, strict=True):
         if item is not None:
@@ -193,7 +193,7 @@ def _pivot(found: CableLines, shifts_px: Sequence[float]) -> Pivot | None:
     return meeting_point(measured) if found.is_moving else None
 
 
-def _is_upside_down(found: CableLines, pivot: Pivot | None, height: int) -> bool:
+def _is_upside_down(found: CableLines, pivot: MeetingPoint | None, height: int) -> bool:
     """Tell if the lines meet below the rows in which they are seen."""
     if pivot is None or pivot.scatter_px > MAX_PIVOT_SCATTER_PX:
         return False
@@ -203,11 +203,11 @@ def _is_upside_down(found: CableLines, pivot: Pivot | None, height: int) -> bool
 
 
 def _described(
-    view: View,
+    view: PictureView,
     pictures: Sequence[Grey],
     seen: Sequence[Grey],
     found: CableLines,
-    pivot: Pivot | None,
+    pivot: MeetingPoint | None,
     chosen: LookChoices,
 ) -> Look:
     still = found.median
@@ -276,7 +276,7 @@ def _described_bob(bob: BobLook, size: tuple[int, int], moves_px: Sequence[Point
             pivot_px = (centre[0] + move_px[0], centre[1] + move_px[1])
             x, y = bob.view.to_view(pivot_px, size)
             angles.append(math.atan2(blob.u - x, blob.v - y))
-    pivot = Pivot(
+    pivot = MeetingPoint(
         circle.centre_px,
         circle.sigma_centre_px,
         circle.scatter_px,

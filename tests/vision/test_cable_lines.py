@@ -86,6 +86,20 @@ def test_the_median_without_the_cable_is_the_ground() -> None:
     assert np.abs(median - ground).max() < 6.0 * NOISE
 
 
+def test_a_cable_that_lingers_is_not_in_the_median_without_it() -> None:
+    angles = [0.1] * 7 + [-0.2] * 5
+    random = np.random.default_rng(7)
+    pictures = [picture(cable(angle), random) for angle in angles]
+    for image in pictures:
+        image[:, 110:130] //= 2  # seen beside the cable in five pictures
+    lines = [line(angle) for angle in angles]
+    ground = np.full((HEIGHT, WIDTH), WHITE)
+    ground[:, 110:130] *= 0.5
+    assert np.abs(median_picture(pictures) - ground).max() > 50.0
+    median = median_without(pictures, lines, CableLook(2.5, BLUR_PX))
+    assert np.abs(median - ground).max() < 6.0 * NOISE
+
+
 def test_a_picture_without_a_line_is_no_part_of_the_median() -> None:
     pictures = swinging(12, 3)
     pictures[5] = np.zeros_like(pictures[5])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from scipy import signal
 
 from vision.filters import (
     FilteredAngles,
-    Response,
+    FilterResponse,
     average_response,
     averaged,
     notch_coefficients,
@@ -38,7 +39,7 @@ def test_an_average_has_the_response_of_its_coefficients(frames: int, frequency_
 
 
 def test_an_average_of_a_constant_is_the_constant() -> None:
-    assert average_response(5, PERIOD_S, 0.0) == Response(1.0, 2.0 * PERIOD_S)
+    assert average_response(5, PERIOD_S, 0.0) == FilterResponse(1.0, 2.0 * PERIOD_S)
 
 
 @given(notch_hz=st.floats(0.5, 0.9 * NYQUIST_HZ), quality=st.floats(0.3, 30.0))
@@ -127,7 +128,7 @@ def test_what_a_filter_does_to_a_sine_is_undone() -> None:
 
 def test_nothing_is_undone_where_nothing_is_known() -> None:
     empty = FilteredAngles(np.arange(3.0), np.full(3, math.nan))
-    assert undone(empty, Response(0.5, 0.1), 0.1) is empty
+    assert undone(empty, FilterResponse(0.5, 0.1), 0.1) is empty
 
 
 def test_a_notch_starts_from_rest_at_its_first_angle() -> None:
@@ -167,7 +168,7 @@ def test_parts_hold_every_angle_once_and_no_gap(steps: list[float], known: list[
     for part in parts:
         intervals = np.diff(t_s[part])
         assert ((intervals > 0.0) & (intervals <= GAP_S)).all()
-    for before, after in zip(parts, parts[1:], strict=False):
+    for before, after in pairwise(parts):
         interval = t_s[after.start] - t_s[before.stop - 1]
         is_apart = after.start > before.stop
         assert is_apart or not 0.0 < interval <= GAP_S  # parts are not cut without a reason

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vision.line_fit import ImageLine
-from vision.pivot_fit import MeasuredLine, Pivot, meeting_point
+from vision.pivot_fit import MeasuredLine, MeetingPoint, meeting_point
 
 MIDDLE_ROW = 80.0
 PIVOT_PX = (100.0, -16.0)
@@ -21,7 +21,7 @@ def through(x: float, y: float, slope: float, shift_px: float = 0.0) -> Measured
     return MeasuredLine(line, 1e-5, MIDDLE_ROW, shift_px)
 
 
-def found(lines: list[MeasuredLine]) -> Pivot:
+def found(lines: list[MeasuredLine]) -> MeetingPoint:
     pivot = meeting_point(lines)
     assert pivot is not None
     return pivot
@@ -45,7 +45,7 @@ def test_lines_through_a_point_meet_in_it(
     assert pivot.lines == 9
 
 
-def noisy(random: np.random.Generator, slopes: np.ndarray, sigma: float) -> Pivot:
+def noisy(random: np.random.Generator, slopes: np.ndarray, sigma: float) -> MeetingPoint:
     """Meeting point of lines through PIVOT_PX with an error of the slope and of the column."""
     lines = []
     for slope in slopes:

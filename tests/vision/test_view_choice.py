@@ -13,7 +13,7 @@ from tests.vision.swing_pictures import (
     swing,
     swinging,
 )
-from vision.view import Region, View
+from vision.view import PictureRegion, PictureView
 from vision.view_choice import choose_view
 
 CHANNELS = {"blue": 0, "green": 1, "red": 2}
@@ -32,7 +32,7 @@ def in_colour(plane: str, level: float, ground: float = GREY) -> list[Image]:
     return [coloured(cable(float(a)), random, (ground,) * 3, levels) for a in swing(COUNT)]
 
 
-def chosen(pictures: list[Image]) -> View:
+def chosen(pictures: list[Image]) -> PictureView:
     return choose_view(pictures, None, None, None, None)
 
 
@@ -41,12 +41,12 @@ def chosen(pictures: list[Image]) -> View:
 def test_the_plane_and_the_polarity_in_which_the_cable_differs_are_chosen(
     plane: str, level: float, is_bright: bool
 ) -> None:
-    assert chosen(in_colour(plane, level)) == View(plane, is_bright, 0)
+    assert chosen(in_colour(plane, level)) == PictureView(plane, is_bright, 0)
 
 
 @pytest.mark.parametrize("plane", ["red", "green", "blue"])
 def test_a_coloured_cable_on_black_is_bright_in_its_plane(plane: str) -> None:
-    assert chosen(in_colour(plane, 200.0, 20.0)) == View(plane, True, 0)
+    assert chosen(in_colour(plane, 200.0, 20.0)) == PictureView(plane, True, 0)
 
 
 def test_a_picture_turned_by_a_quarter_is_turned_back() -> None:
@@ -62,13 +62,13 @@ def test_a_faint_line_that_moves_is_preferred_to_a_clear_one_that_does_not() -> 
         light = GREY + 60.0 * cable(float(angle))
         light[40:43] = 20.0  # lies across
         pictures.append(picture(light, random, 0.0, 1.0))
-    assert chosen(pictures) == View("grey", True, 0)
+    assert chosen(pictures) == PictureView("grey", True, 0)
     still = [pictures[0]] * COUNT
     assert chosen(still).turns == 1
 
 
 def test_what_is_told_is_kept() -> None:
     pictures = in_colour("red", 70.0)
-    region = Region(20, 10, 160, 140)
-    assert choose_view(pictures, "red", True, 1, region) == View("red", True, 1, region)
-    assert choose_view(pictures, None, None, 0, region) == View("red", False, 0, region)
+    region = PictureRegion(20, 10, 160, 140)
+    assert choose_view(pictures, "red", True, 1, region) == PictureView("red", True, 1, region)
+    assert choose_view(pictures, None, None, 0, region) == PictureView("red", False, 0, region)

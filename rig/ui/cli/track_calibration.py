@@ -17,7 +17,7 @@ from vision.errors import VisionError
 from vision.first_look import Look
 from vision.geometry import PivotModel
 from vision.offset_table import OffsetTable
-from vision.tracked import Placement
+from vision.tracked import CameraPlacement
 
 MAX_MISS_PX = 5.0  # of the pivot, between calibration and video
 MISS_SIGMAS = 3.0
@@ -28,7 +28,7 @@ class VideoCalibration(NamedTuple):
     """Calibration file as it is used for a video."""
 
     name: str
-    placement: Placement
+    placement: CameraPlacement
     pixels_per_m: float | None  # of an offset table
 
     def finding(self, look: Look) -> str | None:
@@ -80,7 +80,7 @@ def _by_camera(
     geometry: CableGeometry = ModelGeometry(
         camera_file.parameters(camera, str(path)), camera.height, axis
     )
-    return VideoCalibration(str(path), Placement(geometry, position_m, axis), None)
+    return VideoCalibration(str(path), CameraPlacement(geometry, position_m, axis), None)
 
 
 def _by_table(
@@ -104,7 +104,7 @@ def _by_table(
             f"--position {place_m:g}; must be {found.x_m[0]:g} to {found.x_m[-1]:g} m as in "
             f"'{path}': correct it, or calibrate over a longer tour"
         )
-    placement = Placement(geometry, position_m, axis, offsets)
+    placement = CameraPlacement(geometry, position_m, axis, offsets)
     return VideoCalibration(str(path), placement, found.pixels_per_m)
 
 

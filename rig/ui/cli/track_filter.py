@@ -13,8 +13,8 @@ from scipy.signal import lombscargle
 from rig.errors import ConfigError
 from vision.filters import (
     FilteredAngles,
+    FilterResponse,
     FloatArray,
-    Response,
     average_response,
     averaged,
     notch_coefficients,
@@ -40,7 +40,7 @@ class Filtered(NamedTuple):
     t_s: list[float]
     angle_rad: list[float | None]
     swing_hz: float
-    response: Response
+    response: FilterResponse
     text: str
 
     def facts(self) -> dict[str, Any]:
@@ -99,7 +99,7 @@ class AngleFilter(NamedTuple):
         )
         return _as_filtered(undone(raw, response, delay_s), swing_hz, response, text)
 
-    def _notch_response(self, period_s: float, swing_hz: float) -> Response:
+    def _notch_response(self, period_s: float, swing_hz: float) -> FilterResponse:
         if self.notch_hz >= 0.5 / period_s:
             raise ConfigError(
                 f"--filter notch:{self.notch_hz:g} at {1.0 / period_s:.4g} frames/s; must be below "
@@ -149,7 +149,7 @@ def frequency_of(t_s: FloatArray, angle_rad: FloatArray, period_s: float) -> flo
 
 
 def _as_filtered(
-    angles: FilteredAngles, swing_hz: float, response: Response, text: str
+    angles: FilteredAngles, swing_hz: float, response: FilterResponse, text: str
 ) -> Filtered:
     values = [float(a) if math.isfinite(a) else None for a in angles.angle_rad]
     return Filtered(angles.t_s.tolist(), values, swing_hz, response, text)

@@ -10,7 +10,7 @@ from rig.errors import ConfigError
 from vision.camera_model import Vector
 from vision.first_look import LookChoices
 from vision.stream import SourceOptions
-from vision.view import PLANES, Point, Region
+from vision.view import PLANES, PictureRegion, Point
 
 AUTO = "auto"
 POLARITIES = ("dark", "bright")
@@ -102,7 +102,7 @@ class TrackOptions(NamedTuple):
         return x, y
 
 
-def region_of(text: str) -> Region:
+def region_of(text: str) -> PictureRegion:
     """Parse X,Y,W,H [px]; raises ConfigError."""
     numbers = _numbers("--roi", text, 4, "X,Y,W,H in pixels", "100,0,440,480")
     x, y, width, height = (round(number) for number in numbers)
@@ -110,7 +110,7 @@ def region_of(text: str) -> Region:
         raise ConfigError(
             f"--roi '{text}'; X and Y must be >= 0, W and H >= 1: give a part of the picture"
         )
-    return Region(x, y, width, height)
+    return PictureRegion(x, y, width, height)
 
 
 def _numbers(option: str, text: str, count: int, form: str, example: str) -> list[float]:

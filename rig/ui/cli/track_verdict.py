@@ -58,7 +58,7 @@ class TrackedVideo(NamedTuple):
     calibration: VideoCalibration | None
 
 
-class Judgement(NamedTuple):
+class VideoJudgement(NamedTuple):
     """Verdict with its reasons, and remarks that do not change it."""
 
     verdict: Verdict
@@ -74,7 +74,7 @@ def worded(finding: LookFinding) -> str:
     return f"{finding.text}: try {option} {finding.value}".rstrip()
 
 
-def judge(tracked: TrackedVideo, *, has_row_time: bool = False) -> Judgement:
+def judge(tracked: TrackedVideo, *, has_row_time: bool = False) -> VideoJudgement:
     """Judge the frames of a video; has_row_time: the rolling shutter is known."""
     rows, look, told = tracked.rows, tracked.look, tracked.told
     reasons: list[str] = []
@@ -97,8 +97,8 @@ def judge(tracked: TrackedVideo, *, has_row_time: bool = False) -> Judgement:
     remarks += _grouped([found for found in tracked.findings if found.kind not in TIME_FINDINGS])
     remarks += _bend(valid, has_row_time)
     if not valid:
-        return Judgement("bad", reasons, remarks)
-    return Judgement("doubtful" if reasons else "good", reasons, remarks)
+        return VideoJudgement("bad", reasons, remarks)
+    return VideoJudgement("doubtful" if reasons else "good", reasons, remarks)
 
 
 def _grouped(findings: Sequence[StreamFinding]) -> Iterator[str]:

@@ -15,13 +15,13 @@ from rig.ui.cli.track_calibration import read_calibration
 from rig.ui.cli.track_files import OverlayVideo, check_log, write_log, write_table
 from rig.ui.cli.track_filter import AngleFilter, Filtered, filter_of
 from rig.ui.cli.track_options import TrackOptions
-from rig.ui.cli.track_verdict import Judgement, TrackedVideo, judge, worded
+from rig.ui.cli.track_verdict import TrackedVideo, VideoJudgement, judge, worded
 from rig.ui.plots import picture_file
 from vision.errors import VisionError
 from vision.first_look import Look, Subject
 from vision.sources import open_source
 from vision.stream import FrameStream, SourceFrame
-from vision.tracked import Measurement, TrackedFrame, tracked_frames, without_readout_bend
+from vision.tracked import MeasureOptions, TrackedFrame, tracked_frames, without_readout_bend
 from vision.video_tracker import VideoTracker
 from vision.view import Point
 
@@ -69,7 +69,7 @@ def track_video(options: TrackOptions) -> int:
     if not options.as_json:
         _print_look(options, tracker.look, source)
     placement = None if calibration is None else calibration.placement
-    chosen = Measurement(expected_px, placement, row_s, choices.at_rest)
+    chosen = MeasureOptions(expected_px, placement, row_s, choices.at_rest)
     rows = _measure(options, source, tracker, chosen)
     if row_s:
         rows = without_readout_bend(rows, row_s)
@@ -126,7 +126,7 @@ def _check_files(options: TrackOptions) -> None:
 
 
 def _measure(
-    options: TrackOptions, source: FrameStream, tracker: VideoTracker, chosen: Measurement
+    options: TrackOptions, source: FrameStream, tracker: VideoTracker, chosen: MeasureOptions
 ) -> list[TrackedFrame]:
     overlay: OverlayVideo | None = None
     if options.overlay is not None and tracker.look is not None:
@@ -211,7 +211,7 @@ def look_document(look: Look) -> dict[str, Any]:
 def _document(
     options: TrackOptions,
     tracked: TrackedVideo,
-    judgement: Judgement,
+    judgement: VideoJudgement,
     filtered: Filtered | None,
     code: int,
 ) -> dict[str, Any]:
@@ -264,7 +264,9 @@ def _print_look(options: TrackOptions, look: Look, source: FrameStream) -> None:
         )
 
 
-def _print_summary(tracked: TrackedVideo, judgement: Judgement, filtered: Filtered | None) -> None:
+def _print_summary(
+    tracked: TrackedVideo, judgement: VideoJudgement, filtered: Filtered | None
+) -> None:
     rows = tracked.rows
     valid = [row for row in rows if row.valid]
     refused = Counter(row.reason for row in rows if not row.valid)
