@@ -16,6 +16,7 @@ MAD_SIGMA = 1.4826  # standard deviation over median absolute deviation, normal 
 CLIPPED_RUN = 3  # equal samples at the largest or smallest value
 CLIPPED_DROP_QUANTA = 20  # beside the run; a smooth top drops by 8 quanta over its own width
 SAME_REL = 1e-9  # of the range: differences by rounding
+QUANTUM_SHARE = 0.05  # of the steps between values; fewer are finer, as digits are near zero
 
 
 def usual_rate_hz(t_s: FloatArray) -> float:
@@ -65,14 +66,17 @@ def _mixed_rates(t_s: FloatArray, steps_s: FloatArray) -> ReadFinding | None:
 
 
 def quantum(values: FloatArray) -> float:
-    """Find the smallest step between different values (N,); 0 for a constant."""
+    """Find the smallest usual step between different values (N,); 0 for a constant.
+
+    5 % of the steps may be smaller: programs print more decimals near zero.
+    """
     distinct = np.unique(values)
     if distinct.size < 2:
         return 0.0
     steps = np.diff(distinct)
     rounding = SAME_REL * (distinct[-1] - distinct[0])
     steps = steps[steps > rounding]
-    return float(steps.min()) if steps.size else 0.0
+    return float(np.quantile(steps, QUANTUM_SHARE, method="lower")) if steps.size else 0.0
 
 
 def noise_floor(values: FloatArray, quantum_step: float) -> float:

@@ -52,7 +52,7 @@ class SignalRecord:
     columns: tuple[str, ...]  # columns, fields or signals found
     rows: int  # as recorded
     dropped_rows: int
-    quantum: float  # smallest step between different values, in `unit`
+    quantum: float  # smallest usual step between different values, in `unit`
     noise_floor: float  # standard deviation of the noise, in `unit`
     findings: tuple[ReadFinding, ...]
 

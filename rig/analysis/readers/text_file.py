@@ -36,8 +36,7 @@ def text_table(name: object, stream: BinaryIO, head: bytes, kind: str) -> Signal
     layout = find_layout(lines)
     if layout is None:
         raise UnreadableData(_no_table(name, lines))
-    is_old_mac = b"\n" not in head and b"\0" not in head
-    blocks = _skip_lines(_blocks(stream, encoding, is_old_mac), layout.first_line)
+    blocks = _skip_lines(_blocks(stream, encoding), layout.first_line)
     is_wide = encoding in WIDE
     try:
         numbers = read_numbers(blocks, layout, "utf-8" if is_wide else encoding)
@@ -114,13 +113,16 @@ def _sample(head: bytes, encoding: str) -> list[str]:
     return text.split("\n")[:SAMPLE_LINES]
 
 
-def _blocks(stream: BinaryIO, encoding: str, is_old_mac: bool) -> Iterator[bytes]:
-    """Read blocks of whole lines that end in a line feed; UTF-16 becomes UTF-8."""
+def _blocks(stream: BinaryIO, encoding: str) -> Iterator[bytes]:
+    """Read blocks of whole lines that end in a line feed, without a byte order mark."""
     rest = b""
-    decoder = codecs.getincrementaldecoder(encoding)("replace") if encoding in WIDE else None
-    while data := stream.read(BLOCK_BYTES):
-        if decoder is not None:
-            data = decoder.decode(data).encode("utf-8")
+    is_first = True
+    is_old_mac = False
+    for data in _narrow(stream, encoding):
+        if is_first:
+            data = data.removeprefix(codecs.BOM_UTF8)
+            is_old_mac = b"\n" not in data
+            is_first = False
         if is_old_mac:
             data = data.replace(b"\r", b"\n")
         whole, line_end, rest_of_data = data.rpartition(b"\n")
@@ -131,6 +133,13 @@ def _blocks(stream: BinaryIO, encoding: str, is_old_mac: bool) -> Iterator[bytes
             rest += data
     if rest.strip():
         yield rest.rstrip() + b"\n"
+
+
+def _narrow(stream: BinaryIO, encoding: str) -> Iterator[bytes]:
+    """Read pieces of a file; UTF-16 becomes UTF-8."""
+    decoder = codecs.getincrementaldecoder(encoding)("replace") if encoding in WIDE else None
+    while data := stream.read(BLOCK_BYTES):
+        yield data if decoder is None else decoder.decode(data).encode("utf-8")
 
 
 def _skip_lines(blocks: Iterator[bytes], count: int) -> Iterator[bytes]:

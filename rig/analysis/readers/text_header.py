@@ -71,13 +71,9 @@ def _cells(line: str, delimiter: str, columns: int) -> list[str] | None:
 
 
 def _ways_to_split(line: str, delimiter: str) -> list[list[str]]:
-    ways = []
-    for mark in (delimiter, *DELIMITERS):
-        if mark:
-            ways.append(next(csv.reader([line], delimiter=mark, skipinitialspace=True)))
-    ways.append(GAP.split(line.strip()))
-    ways.append(line.split())
-    return ways
+    marks = [mark for mark in (delimiter, *DELIMITERS) if mark]
+    ways = [next(csv.reader([line], delimiter=m, skipinitialspace=True)) for m in marks]
+    return [*ways, GAP.split(line.strip()), line.split()]
 
 
 def _are_numbers(cells: Sequence[str]) -> bool:

@@ -172,13 +172,9 @@ def _best_form(lines: Sequence[str]) -> NumberFormat | None:
 
 def _forms(lines: Sequence[str]) -> list[NumberFormat]:
     """List the pairs to try; commas are both only where quotes keep them apart."""
-    forms = []
     has_quotes = any('"' in line for line in lines)
-    for decimal in (".", ","):
-        for delimiter in DELIMITERS:
-            if delimiter != decimal or has_quotes:
-                forms.append(NumberFormat(delimiter, decimal))
-    return forms
+    forms = [NumberFormat(delimiter, mark) for mark in (".", ",") for delimiter in DELIMITERS]
+    return [form for form in forms if form.delimiter != form.decimal or has_quotes]
 
 
 def _without_ambiguity(form: NumberFormat, lines: Sequence[str]) -> NumberFormat:
