@@ -47,7 +47,7 @@ def _bad_cell_findings(cells: Sequence[BadCell], finite: BoolArray) -> list[Read
             f"{len(texts)} cells with text, the first: row {first.row}, column {first.column + 1}, "
             f"'{first.text[:SHOWN_CHARACTERS]}'; the rows are left out"
         )
-        shown = tuple(cell.row for cell in texts[:SHOWN_ROWS])
+        shown = tuple(sorted({cell.row for cell in texts})[:SHOWN_ROWS])
         findings.append(ReadFinding("text_cells", text, len(texts), shown))
     is_text = np.zeros(finite.size, dtype=bool)
     for cell in texts:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import scipy.io
+from scipy.io.matlab import MatReadError
 
 from rig.analysis.readers.errors import UnreadableData, list_names, missing_extra
 from rig.analysis.readers.signal_record import FloatArray, ReadOptions
@@ -20,7 +21,17 @@ KIND_HDF5 = "MATLAB file v7.3"
 MAX_COLUMNS = 64  # of a matrix: a wider one is no set of signals
 RATE_NAMES = {"fs", "rate", "rate_hz", "samplerate", "sample_rate", "samplingrate", "fsample"}
 PERIOD_NAMES = {"dt", "ts", "deltat", "samplingtime", "sampletime", "sample_time"}
-DAMAGE = (ValueError, TypeError, KeyError, OSError, NotImplementedError, zlib.error, IndexError)
+DAMAGE = (
+    MatReadError,
+    ValueError,
+    TypeError,
+    LookupError,
+    OSError,
+    OverflowError,
+    MemoryError,
+    NotImplementedError,
+    zlib.error,
+)
 
 
 def read_matlab(path: Path, options: ReadOptions) -> SignalTable:

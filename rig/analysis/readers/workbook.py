@@ -6,6 +6,7 @@ import csv
 import io
 import zipfile
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from datetime import datetime, time
 from pathlib import Path
 from typing import Any
@@ -82,15 +83,21 @@ def _first_table(path: Path, tables: dict[str, list[Sequence[Any]]]) -> SignalTa
     for name, rows in tables.items():
         data = _as_text(rows).encode()
         try:
-            return text_table(
-                f"{path}, sheet '{name}'", io.BytesIO(data), data[:HEAD], f"{KIND}, sheet '{name}'"
-            )
+            return _sheet_table(path, name, data)
         except UnreadableData as error:
             reason = str(error)
     raise UnreadableData(
         f"{path}: {KIND} without a table of numbers; sheets found: {list_names(list(tables))} "
         f"({reason})"
     )
+
+
+def _sheet_table(path: Path, name: str, data: bytes) -> SignalTable:
+    """Read the text of a sheet; its lines are the rows of the sheet."""
+    where = f"{path}, sheet '{name}'"
+    table = text_table(where, io.BytesIO(data), data[:HEAD], f"{KIND}, sheet '{name}'")
+    place = table.layout.rpartition(", ")[2].replace("line", "row")
+    return replace(table, layout=place)
 
 
 def _as_text(rows: Iterable[Sequence[Any]]) -> str:
