@@ -20,7 +20,7 @@ COUNT_NAME = re.compile(
     r"^(n|no|nr|index|idx|sample|samples|frame|row|seq|count|#)\b[\s_.#]*", re.I
 )
 COUNT_NAME_REST = re.compile(r"^(number|nr|no|id|index|count)?$", re.I)
-FREQUENCY_NAME = re.compile(r"^(freq|freqs|frequency|frequencies|frequenz|f_?hz)$", re.I)
+FREQUENCY_NAME = re.compile(r"^(freq\w*([\s(\[/:,].*)?|f[\s_]*[(\[/]?\s*hz\W*)$", re.I)
 RISING_SHARE = 0.5
 EVEN_SHARE = 0.98  # of the steps of an unnamed time column
 EVEN_SPREAD = 0.5  # of the usual step
@@ -69,7 +69,7 @@ def is_count_name(name: str) -> bool:
 
 def is_frequency_name(name: str) -> bool:
     """Tell if the header of a column names frequency."""
-    return FREQUENCY_NAME.match(split_header(name).name.strip()) is not None
+    return FREQUENCY_NAME.match(name.strip().lstrip("#% ")) is not None
 
 
 def has_time_unit(name: str) -> bool:

@@ -24,6 +24,7 @@ CONVENTIONS = (  # units that a name implies
     (re.compile(r"linear_acceleration", re.I), "m/s2", "convention of ROS (REP 103): m/s2"),
     (re.compile(r"angular_velocity", re.I), "rad/s", "convention of ROS (REP 103): rad/s"),
 )
+PREFERRED_UNITS = ("none", "N", "V", "m/s", "m/s2", "rad/s", "m", "rad")  # the last one first
 FULL_TURN_RAD = 2 * np.pi
 SUSPECT_RAD = 1.0  # a swing beyond it may be in degrees
 NONE = UnitFactor("none", 1.0)
@@ -54,9 +55,9 @@ def choose_signal(
     if not candidates:
         raise UnreadableData(
             f"{path}: no column with a signal beside the time ({table.listing}); "
-            "the others are constant, empty or counts: try --signal 2"
+            "the others are constant, empty, text or counts: choose with --signal"
         )
-    column = _largest(table, candidates)
+    column = _preferred(table, candidates)
     unit, source = _unit(table, column, options)
     return SignalChoice(column, unit, source, tuple(_others(table, candidates, column)))
 
@@ -106,6 +107,8 @@ def _is_time_or_count(table: SignalTable, index: int) -> bool:
     is_count = marks.is_count_name(column.name) or not column.name
     if is_count and marks.is_count(column.values):
         return True
+    if not column.name and marks.is_even(column.values):
+        return True
     is_time = marks.is_time_name(column.name) or marks.has_time_unit(column.name)
     return is_time and marks.is_rising(column.values)
 
@@ -132,17 +135,19 @@ def _variance(values: FloatArray) -> float:
     return float(np.var(finite))
 
 
-def _largest(table: SignalTable, candidates: list[int]) -> int:
-    """Find the column of the largest variance in SI units; the first of equal ones."""
-    best = candidates[0]
-    most = -1.0
-    for index in candidates:
+def _preferred(table: SignalTable, candidates: list[int]) -> int:
+    """Find the column of the unit that a swing is best seen in, and of the largest variance.
+
+    The first of equal ones.
+    """
+
+    def rank(index: int) -> tuple[int, float]:
         column = table.columns[index]
-        unit = unit_factor(split_header(column.name).unit) or NONE
-        variance = _variance(column.values) * unit.factor**2
-        if variance > most:
-            best, most = index, variance
-    return best
+        unit, _ = _unit(table, index, ReadOptions())
+        order = PREFERRED_UNITS.index(unit.si) if unit.si in PREFERRED_UNITS else -1
+        return order, _variance(column.values) * unit.factor**2
+
+    return max(candidates, key=rank)
 
 
 def _others(table: SignalTable, candidates: list[int], column: int) -> list[ReadFinding]:
@@ -150,7 +155,7 @@ def _others(table: SignalTable, candidates: list[int], column: int) -> list[Read
     if not others:
         return []
     text = (
-        f"column {table.label(column)} is taken, the one that varies most; others: "
+        f"column {table.label(column)} is taken; others that may be meant: "
         f"{list_names(others)}: choose with --signal"
     )
     return [ReadFinding("other_columns", text, len(others))]

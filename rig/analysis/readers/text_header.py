@@ -25,6 +25,7 @@ PERIOD = re.compile(rf"({PERIOD_KEY}){VALUE}", re.I)
 RATE_NAME = re.compile(RATE_KEY, re.I)
 PERIOD_NAME = re.compile(PERIOD_KEY, re.I)
 FACTORS = {"khz": 1e3, "ms": 1e-3, "us": 1e-6}
+UNIT_KEY = re.compile(r"unit|einheit", re.I)
 NO_UNITS = {"", "-", "1", "none", "%", "[]", "()"}
 
 
@@ -42,28 +43,35 @@ class NamedRate(NamedTuple):
     source: str
 
 
-def read_header(lines: Sequence[str], delimiter: str, columns: int) -> TextHeader:
-    """Read the lines above the numbers: names of the columns, maybe with a line of units."""
+def read_header(
+    lines: Sequence[str], delimiter: str, columns: int, is_ending_empty: bool = False
+) -> TextHeader:
+    """Read the lines above the numbers: names of the columns, maybe with a line of units.
+
+    is_ending_empty: the last column is empty and left out, though it may have a name.
+    """
     filled = [line.strip("\r\n") for line in lines if line.strip()]
     if not filled:
         return TextHeader((), ())
-    last = _cells(filled[-1], delimiter, columns)
+    last = _cells(filled[-1], delimiter, columns, is_ending_empty)
     if last is None:
         return TextHeader((), tuple(filled))
-    above = _cells(filled[-2], delimiter, columns) if len(filled) > 1 else None
+    above = _cells(filled[-2], delimiter, columns, is_ending_empty) if len(filled) > 1 else None
     if above is not None and _are_units(last):
         names = [_join(name, unit) for name, unit in zip(above, last, strict=True)]
         return TextHeader(tuple(names), tuple(filled[:-2]))
     return TextHeader(tuple(last), tuple(filled[:-1]))
 
 
-def _cells(line: str, delimiter: str, columns: int) -> list[str] | None:
+def _cells(line: str, delimiter: str, columns: int, may_be_longer: bool) -> list[str] | None:
     """Split a line into names; None where it has another number of cells or numbers alone."""
     line = line.strip().lstrip("#%").strip() if columns == 1 or delimiter == "" else line
     if columns == 1:
-        return None if _are_numbers(re.split(r"[\s;,\t]+", line)) else [line.strip('"')]
+        is_value = _are_numbers(re.split(r"[\s;,\t]+", line)) or named_rate([line]) is not None
+        return None if is_value else [line.strip('"')]
     for cells in _ways_to_split(line, delimiter):
-        is_long = len(cells) == columns + 1 and cells[-1].lower() in ("", "comment")
+        is_spare = may_be_longer or cells[-1].lower() in ("", "comment")
+        is_long = len(cells) == columns + 1 and is_spare
         if len(cells) == columns or is_long:
             named = [cell.strip().strip('"').lstrip("#% ") for cell in cells[:columns]]
             return None if _are_numbers(named) else named
@@ -139,10 +147,13 @@ def unit_hint(preamble: Sequence[str]) -> Hint | None:
     """Find the one unit that the lines above the numbers name; None for none or several."""
     found: dict[str, Hint] = {}
     for line in preamble:
+        key = ""
         for piece in re.split(r"[\t;,|:=]+", line):
             piece = piece.strip().strip('"')
             unit = split_header(piece).unit
-            if len(unit) > 1 and unit_factor(unit) is not None:
+            is_clear = len(unit) > 1 or UNIT_KEY.search(key) is not None
+            if is_clear and unit_factor(unit) is not None:
                 found.setdefault(unit, Hint(unit, f"'{piece}' above the numbers"))
+            key = piece
     hints = list(found.values())
     return hints[0] if len(hints) == 1 else None

@@ -76,19 +76,25 @@ class NumberFormat:
 
     def number(self, cell: str) -> float:
         """Convert a cell; raises ValueError for one that is no number."""
-        cell = cell.strip()
-        if self.has_thousands(cell):
-            cell = cell.replace("." if self.decimal == "," else ",", "")
-        if self.decimal == ",":
-            cell = cell.replace(",", ".")
-        if "_" in cell:
-            raise ValueError(f"'{cell}' is no number")
-        return float(cell)
+        try:
+            return float(_without_underscores(cell).replace(self.decimal, "."))
+        except ValueError:
+            if not self.has_thousands(cell.strip()):
+                raise
+        mark = "." if self.decimal == "," else ","
+        return float(cell.replace(mark, "").replace(self.decimal, "."))
 
     def has_thousands(self, cell: str) -> bool:
         """Tell if a cell is a number with marks between the thousands."""
         pattern = COMMA_THOUSANDS if self.decimal == "," else POINT_THOUSANDS
         return pattern.fullmatch(cell) is not None
+
+
+def _without_underscores(cell: str) -> str:
+    """Return a cell unchanged; raises ValueError for "1_000", a number in Python alone."""
+    if "_" in cell:
+        raise ValueError(f"'{cell}' is no number")
+    return cell
 
 
 @dataclass(frozen=True)
@@ -129,7 +135,7 @@ def find_layout(lines: Sequence[str]) -> TextLayout | None:
     return TextLayout(
         form=form,
         columns=columns,
-        header=read_header(lines[:first], form.delimiter, columns),
+        header=read_header(lines[:first], form.delimiter, columns, is_ending_empty),
         first_line=first,
         clocks=_columns_of(body, columns, lambda cell: bool(CLOCK.fullmatch(cell))),
         texts=_columns_of(body, columns, lambda cell: not _is_any_number(form, cell)),

@@ -79,8 +79,6 @@ def _time_column(path: object, table: SignalTable, options: ReadOptions) -> int 
         found = [k for k in range(len(table.columns)) if test(table, k)]
         if found:
             return found[0]
-    if table.rate_hz is not None:
-        return None
     even = [k for k in range(len(table.columns)) if _is_even_time(table, k)]
     return even[0] if even and len(table.columns) > 1 else None
 
@@ -186,6 +184,12 @@ def _factor_finding(label: str, values: FloatArray, factor: float) -> list[ReadF
     if factor == 1.0:
         return []
     step = _usual_step(values)
+    if abs(_first(values)) * factor > DATE_S:
+        text = (
+            f"{label} has no unit; its stamps are taken as {TIME_NAMES[factor]} since 1970 "
+            f"({1 / (step * factor):.6g} Hz)"
+        )
+        return [ReadFinding("time_unit_assumed", text)]
     text = (
         f"{label} has no unit; its usual step of {step:g} is taken as {TIME_NAMES[factor]} "
         f"({1 / (step * factor):.6g} Hz); in seconds it would be {1 / step:.3g} Hz: "
