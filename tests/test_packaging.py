@@ -35,7 +35,8 @@ def declared(requirements):
 def test_every_distribution_that_a_package_imports_is_declared(package):
     known = packages_distributions()
     needed = {known[name][0].lower().replace("_", "-") for name in imported_by(package)}
-    optional = PROJECT["optional-dependencies"]["parquet"]  # imported where it is asked for
+    extras = PROJECT["optional-dependencies"]
+    optional = [*extras["parquet"], *extras["formats"]]  # imported where they are asked for
     assert needed <= declared([*PROJECT["dependencies"], *optional])
 
 

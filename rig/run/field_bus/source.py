@@ -13,12 +13,13 @@ from comms.can_bus import CanSettings, open_bus
 from comms.clock import Clock
 from comms.errors import LogError
 from comms.mcap_log import read_log
+from rig.analysis.readers.can_trace import DamagedTrace, is_trace, read_trace
 from rig.errors import ConfigError
 from rig.run.drive_section import DriveSection
 from rig.run.field_bus.bus_choice import DEFAULT_BITRATE, BusChoice, BusOptions, choose_bus
 from rig.run.field_bus.decoding import Decoder
 from rig.run.field_bus.exchange import RECEIVE_S, BusFailed
-from rig.run.field_bus.traffic import DamagedTrace, is_trace, read_trace, read_traffic, run_bus
+from rig.run.field_bus.traffic import read_traffic, run_bus
 from rig.run.runs import LOG
 
 OF_RUN = "run"  # value of --dbc

@@ -1,49 +1,23 @@
-"""Frames of a bus: from a log of ours, from a trace file of another program, or live."""
+"""Frames of a bus from the log of a run."""
 
 from __future__ import annotations
 
 import json
-import struct
-import zlib
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import NamedTuple
 
 import can
 import msgspec
-from can.io.blf import BLFParseError
-from can.io.generic import MessageReader
 
 from comms.errors import LogError
 from comms.mcap_log import EPOCH_KEY, Log, read_log
 from comms.messages import CanMessage
+from rig.analysis.readers.can_trace import KINDS, is_trace
 from rig.errors import ConfigError, RigError
 from rig.run.drive_section import AxisDriveSection, CanSection, DriveSection, JointNodeSection
 from rig.run.runs import find_log
 
 DOWN, UP = "/can_down", "/can_up"  # topics: of the master, of the nodes
-BINARY = ".blf"
-TRACES: dict[str, Callable[[Any], MessageReader]] = {
-    ".asc": can.ASCReader,
-    ".blf": can.BLFReader,
-    ".trc": can.TRCReader,
-    ".log": can.CanutilsLogReader,
-}
-KINDS = "ASC (.asc), BLF (.blf), PCAN (.trc), candump (.log)"
-READ_ERRORS = (
-    ValueError,
-    LookupError,
-    TypeError,
-    ArithmeticError,
-    AttributeError,
-    AssertionError,
-    NotImplementedError,
-    EOFError,
-    zlib.error,
-    struct.error,
-    BLFParseError,
-    can.CanError,
-)
 
 
 class JointTable(msgspec.Struct, frozen=True, kw_only=True):
@@ -76,43 +50,6 @@ class Traffic(NamedTuple):
     def epoch_s(self) -> float:
         """Wall-clock time of run time 0 [s since 1970]."""
         return int(self.log.metadata["run.start"].get(EPOCH_KEY, "0")) * 1e-9
-
-
-class DamagedTrace(LogError):
-    """Trace file that cannot be read."""
-
-
-def is_trace(name: str) -> bool:
-    """Tell if a name is that of a trace file of another program."""
-    return Path(name).suffix.lower() in TRACES
-
-
-def read_trace(path: Path) -> Iterator[can.Message]:
-    """Read the frames of a trace file; raises ConfigError, and DamagedTrace at the damage."""
-    reader = TRACES.get(path.suffix.lower())
-    if reader is None:
-        raise ConfigError(f"{path}: unknown kind of trace; must be {KINDS}, or a run of this rig")
-    if not path.is_file():
-        raise ConfigError(f"{path}: no such file; must be a trace: {KINDS}, or a run of this rig")
-    count = 0
-    try:
-        with _open(path) as stream, reader(stream) as frames:
-            for message in frames:
-                yield message
-                count += 1
-    except READ_ERRORS as error:
-        kind = path.suffix.removeprefix(".").upper()
-        raise DamagedTrace(
-            f"{path}: no {kind} trace after {count} frames ({_reason(error)}): cut short, "
-            "or of another kind"
-        ) from error
-
-
-def _open(path: Path) -> IO[Any]:
-    """Open a trace; the readers of python-can leave a file open that they do not understand."""
-    if path.suffix.lower() == BINARY:
-        return path.open("rb")
-    return path.open(encoding="utf-8", errors="replace")
 
 
 def read_traffic(name: str, runs: Path) -> Traffic:
@@ -167,7 +104,3 @@ def _frame(message: CanMessage, is_rx: bool) -> can.Message:
         is_rx=is_rx,
         channel=0,
     )
-
-
-def _reason(error: BaseException) -> str:
-    return str(error).splitlines()[0] if str(error) else type(error).__name__
