@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from rig.analysis.identify.errors import AnalysisError
-from rig.analysis.identify.free_swing import action_amplitude, free_swing, turning_point
+from rig.analysis.identify.free_swing import (
+    action_amplitude,
+    free_swing,
+    pendulum_swing,
+    turning_point,
+)
 from rig.analysis.identify.least_squares import (
     degrees_of_freedom,
     derivative,
+    influence,
     levenberg_marquardt,
     unit_covariance,
 )
@@ -94,15 +99,13 @@ def fit_decay(
     """
     t, y = _checked(t_s, angle_rad, average_frames)
     tau = t - t[0]
-    model = partial(
-        free_swing, tau=tau, average_frames=average_frames, frame_period_s=frame_period_s
-    )
+
+    def model(p: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return pendulum_swing(p, tau, average_frames, frame_period_s)
+
     with np.errstate(all="ignore"):  # steps that overflow have infinite cost
-        p = levenberg_marquardt(model, y, _initial_guess(tau, y), _is_swing)
-    J = derivative(model, p)
-    residual = y - model(p)
-    pseudo_inverse = np.asarray(np.linalg.pinv(J), dtype=np.float64)  # (5, N)
-    covariance = unit_covariance(pseudo_inverse, tau, average_frames, frame_period_s)
+        p, residual, J = levenberg_marquardt(model, y, _initial_guess(tau, y), _is_swing)
+    covariance = unit_covariance(influence(J), tau, average_frames, frame_period_s)
     variance = float(residual @ residual) / degrees_of_freedom(covariance, J)
     reduction = y.size * float(np.var(y)) - float(residual @ residual)
     not_significant = reduction < MIN_CHI_SQUARED_REDUCTION * variance * average_frames

@@ -1,4 +1,4 @@
-"""Nonlinear least squares with a derivative by complex steps, and covariance of its parameters."""
+"""Nonlinear least squares for models that give their Jacobian, and covariance of the parameters."""
 
 from __future__ import annotations
 
@@ -13,10 +13,12 @@ from rig.analysis.identify.errors import AnalysisError
 
 FloatArray = npt.NDArray[np.float64]
 Numbers = npt.NDArray[Any]  # float, or complex while a derivative is computed
+Model = Callable[[FloatArray], tuple[FloatArray, FloatArray]]  # p -> values (N,), Jacobian (N, P)
 
 MAX_ITERATIONS = 60
 MAX_DAMPING = 1e6  # no step reduces the cost any more
 MIN_GAIN_REL = 1e-7  # of the variance of one sample
+SINGULAR_REL = 1e-13  # eigenvalue of the scaled normal matrix below which a direction is unknown
 
 
 def derivative(f: Callable[[Numbers], Numbers], p: FloatArray) -> FloatArray:
@@ -26,38 +28,50 @@ def derivative(f: Callable[[Numbers], Numbers], p: FloatArray) -> FloatArray:
 
 
 def levenberg_marquardt(
-    model: Callable[[Numbers], Numbers],
+    model: Model,
     y: FloatArray,
     p: FloatArray,
     is_inside: Callable[[FloatArray], bool],
-) -> FloatArray:
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Minimise the sum of squares of y - model(p), from p on, where is_inside holds.
 
-    Stops when a step would gain less than a ten-millionth of the variance of one sample.
+    Stops when a step would gain less than a ten-millionth of the variance of one sample. Returns
+    parameters (P,), residual (N,) and Jacobian (N, P).
     """
-
-    def cost(q: FloatArray) -> float:
-        inside = is_inside(q)
-        return float(np.sum((y - model(q)) ** 2)) if inside else math.inf
-
-    best = cost(p)
+    values, J = model(p)
+    residual = y - values
+    best = float(residual @ residual)
     damping = 1e-6
     for _ in range(MAX_ITERATIONS):
-        J = derivative(model, p)
-        scale = np.linalg.norm(J, axis=0)
-        H = (J / scale).T @ (J / scale)
-        g = (J / scale).T @ (y - model(p))
+        scale = _column_scale(J)
+        H = (J.T @ J) / np.outer(scale, scale)
+        g = (J.T @ residual) / scale
         step = np.linalg.solve(H + damping * np.eye(p.size), g)
-        trial = cost(p + step / scale)
-        if trial < best:
-            p = p + step / scale
-            best = trial
+        q = p + step / scale
+        cost = math.inf
+        if is_inside(q):
+            values, J_q = model(q)
+            residual_q = y - values
+            cost = float(residual_q @ residual_q)
+        if cost < best:
+            p, best, residual, J = q, cost, residual_q, J_q
             damping = damping / 10
         else:
             damping *= 10
         if step @ g < MIN_GAIN_REL * best / y.size or damping > MAX_DAMPING:
             break
-    return p
+    return p, residual, J
+
+
+def influence(J: FloatArray) -> FloatArray:
+    """Compute the pseudo-inverse (P, N) of a Jacobian: effect of each sample on each parameter."""
+    scale = _column_scale(J)
+    Js = J / scale
+    eigenvalues, V = np.linalg.eigh(Js.T @ Js)
+    known = eigenvalues > SINGULAR_REL * eigenvalues[-1]
+    V = V[:, known]
+    inverse: FloatArray = (V / eigenvalues[known]) @ (V.T @ Js.T) / scale[:, None]
+    return inverse
 
 
 def unit_covariance(
@@ -94,3 +108,9 @@ def degrees_of_freedom(covariance: FloatArray, J: FloatArray) -> float:
             f"{J.shape[0]} samples leave {degrees:.1f} degrees of freedom; need 1: watch longer"
         )
     return degrees
+
+
+def _column_scale(J: FloatArray) -> FloatArray:
+    """Compute the norm of each column, 1 for a column of zeros."""
+    scale = np.sqrt(np.einsum("np,np->p", J, J))
+    return np.where(scale > 0, scale, 1.0)

@@ -1,0 +1,203 @@
+"""Least-squares fit of one model of a decay to the samples of a window."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from rig.analysis.identify.decay_model import (
+    DAMPING_TERMS,
+    TERMS,
+    DecayModel,
+    Layout,
+    ModeSum,
+    mode_sum,
+)
+from rig.analysis.identify.large_swing import LargeSwing
+from rig.analysis.identify.least_squares import influence, levenberg_marquardt, unit_covariance
+from rig.analysis.identify.sampled import Sampled, noise_rms
+
+FloatArray = npt.NDArray[np.float64]
+
+SPIKE_SIGMA = 6.0
+MAX_SPIKES = 0.1  # of the samples
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DecayFit:
+    """Fitted model of a window, and what it left."""
+
+    record: Sampled
+    model: DecayModel
+    elliptic: bool
+    is_large: bool  # integrated
+    p: FloatArray
+    residual: FloatArray
+    jacobian: FloatArray
+    dropped: int = 0  # samples left out as spikes
+
+    @property
+    def layout(self) -> Layout:
+        """Modes and terms."""
+        return self.model.layout
+
+    @property
+    def tau(self) -> FloatArray:
+        """Times (N,) since the start of the window [s]."""
+        return np.asarray(self.record.t_s - self.record.t_s[0])
+
+    @property
+    def variance(self) -> float:
+        """Variance of a sample about the model."""
+        degrees = max(1.0, self.residual.size - self.layout.size * self.record.correlated_frames)
+        return float(self.residual @ self.residual) / degrees
+
+    @property
+    def criterion(self) -> float:
+        """Bayesian information criterion, of as many samples as are independent."""
+        count = self.residual.size / self.record.correlated_frames
+        cost = max(float(self.residual @ self.residual), 1e-300)
+        return count * math.log(cost) + self.layout.size * math.log(count)
+
+    def covariance(self) -> FloatArray:
+        """Covariance (P, P) of the parameters from noise alone."""
+        record = self.record
+        unit = unit_covariance(
+            influence(self.jacobian), self.tau, record.correlated_frames, record.frame_period_s
+        )
+        return self.variance * unit
+
+    def residual_noise(self) -> float:
+        """White noise of the residual, from its fourth differences."""
+        return noise_rms(self.residual, self.record.correlated_frames)
+
+    def predict(self, record: Sampled) -> FloatArray:
+        """Compute the values (M,) of the closed model at other stamps, before the window too."""
+        model = ModeSum(
+            tau=record.t_s - self.record.t_s[0],
+            layout=self.layout,
+            elliptic=self.elliptic,
+            average_frames=record.average_frames,
+            frame_period_s=record.frame_period_s,
+            span_s=self.record.duration_s,
+        )
+        return model(self.p)[0]
+
+
+def fit(
+    record: Sampled, layout: Layout, start: FloatArray, *, elliptic: bool, is_large: bool = False
+) -> DecayFit:
+    """Minimise the squares from a start on."""
+    model: DecayModel
+    if is_large:
+        model = LargeSwing(record, layout)
+    else:
+        model = mode_sum(record, layout, elliptic=elliptic)
+    with np.errstate(all="ignore"):  # steps that overflow have infinite cost
+        p, residual, jacobian = levenberg_marquardt(
+            model, record.values, start, _inside(layout, is_large)
+        )
+    return DecayFit(
+        record=record,
+        model=model,
+        elliptic=elliptic,
+        is_large=is_large,
+        p=p,
+        residual=residual,
+        jacobian=jacobian,
+    )
+
+
+def refit(previous: DecayFit, record: Sampled, start: FloatArray | None = None) -> DecayFit:
+    """Fit the same model to other samples."""
+    return fit(
+        record,
+        previous.layout,
+        previous.p if start is None else start,
+        elliptic=previous.elliptic,
+        is_large=previous.is_large,
+    )
+
+
+def without_spikes(found: DecayFit) -> DecayFit:
+    """Leave out the samples that stand alone, away from their neighbours, and fit again."""
+    from scipy.ndimage import median_filter
+
+    record = found.record
+    width = 2 * record.correlated_frames + 3
+    slow = median_filter(found.residual, width, mode="nearest")
+    noise = max(found.residual_noise(), record.quantum / math.sqrt(12))
+    is_spike = np.abs(found.residual - slow) > SPIKE_SIGMA * noise
+    count = int(np.count_nonzero(is_spike))
+    if noise == 0 or count == 0 or count > MAX_SPIKES * is_spike.size:
+        return found
+    kept = record.kept(np.flatnonzero(~is_spike))
+    shift_s = float(kept.t_s[0] - record.t_s[0])
+    again = refit(found, kept, advanced(found.p, found.layout, shift_s))
+    return DecayFit(**{**again.__dict__, "dropped": found.dropped + count})
+
+
+def with_term(found: DecayFit, term: str) -> DecayFit:
+    """Fit again with one term more, from its best small step."""
+    layout = found.layout.with_term(term)
+    start = np.append(found.p, 0.0)
+    gain, step = _score(found, layout)
+    if gain > 0:
+        start[-1] = step
+    if not found.layout.is_decay(start):
+        start[-1] = 0.0
+    return fit(found.record, layout, start, elliptic=found.elliptic, is_large=found.is_large)
+
+
+def term_gains(found: DecayFit) -> dict[str, float]:
+    """Estimate by how many variances each absent term reduces the squares: a score test.
+
+    Terms of damping exist in models of one mode, and only with the sign of a loss.
+    """
+    gains = {}
+    for term in TERMS:
+        is_absent = term not in found.layout.terms
+        if term == "trend_squared" and "trend" not in found.layout.terms:
+            continue
+        if is_absent and (found.layout.modes == 1 or term not in DAMPING_TERMS):
+            gain, step = _score(found, found.layout.with_term(term))
+            if term not in DAMPING_TERMS or step > 0:
+                gains[term] = gain
+    return gains
+
+
+def advanced(p: FloatArray, layout: Layout, shift_s: float) -> FloatArray:
+    """Move the start of the parameters by shift_s, amplitudes by viscous damping alone."""
+    moved = p.copy()
+    for k in range(layout.modes):
+        w, decay, _, _ = layout.mode(p, k)
+        moved[4 * k + 2] *= math.exp(-decay * shift_s)
+        moved[4 * k + 3] += w * shift_s
+    return moved
+
+
+def _score(found: DecayFit, layout: Layout) -> tuple[float, float]:
+    """Gain in variances and step of the last parameter of a larger layout."""
+    if found.is_large and layout.terms[-1] in DAMPING_TERMS:
+        _, J = LargeSwing(found.record, layout)(np.append(found.p, 0.0))
+    else:
+        _, J = mode_sum(found.record, layout, elliptic=found.elliptic)(np.append(found.p, 0.0))
+    column = J[:, -1]
+    rest = column - found.jacobian @ (influence(found.jacobian) @ column)
+    square = float(rest @ rest)
+    if square <= 1e-12 * float(column @ column):
+        return 0.0, 0.0
+    step = float(rest @ found.residual) / square
+    gain = step * step * square / found.variance / found.record.correlated_frames
+    return gain, step
+
+
+def _inside(layout: Layout, is_large: bool) -> Callable[[FloatArray], bool]:
+    def is_inside(p: FloatArray) -> bool:
+        return layout.is_decay(p) and (not is_large or p[2] < math.pi)
+
+    return is_inside

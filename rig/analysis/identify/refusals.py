@@ -1,0 +1,109 @@
+"""Records that are no free decay: clipped, spliced, growing; each refused with the evidence."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from rig.analysis.identify.errors import RefusedError
+from rig.analysis.identify.sampled import Sampled, noise_rms
+from rig.analysis.identify.turning_points import TurningPoints
+
+FloatArray = npt.NDArray[np.float64]
+
+MIN_FLAT = 5  # equal values in a row at the limit
+FLAT_FACTOR = 2.0  # over what the quantum explains
+MIN_SIDE = 4  # samples on each side of a jump
+JUMP_NOISE = 10.0
+JUMP_SLOW = 6.0  # over the median of the same measure, which the swing itself gives
+MAX_GROWTH = 1.3  # of the envelope, where its largest value stands at the end
+GROWTH_PERIODS = 3  # half swings that rise before it
+
+
+def refuse_clipped(record: Sampled, frequency_hz: float) -> None:
+    """Refuse a record whose turning points lie on a limit of the sensor, more than once."""
+    y = record.values
+    amplitude = float(np.ptp(y)) / 2
+    for limit in (float(y.max()), float(y.min())):
+        runs = _runs(np.abs(y - limit) <= 1e-9 * max(amplitude, abs(limit)))
+        if not runs:
+            continue
+        explained = 0.0
+        if record.quantum:
+            angle = math.acos(max(-1.0, 1 - 2 * record.quantum / amplitude))
+            explained = 2 * angle / (2 * math.pi * frequency_hz * record.step_s)
+        flat = [run for run in runs if run >= max(MIN_FLAT, FLAT_FACTOR * explained)]
+        if len(flat) >= 2 or (flat and flat[0] * record.step_s * frequency_hz > 0.15):
+            raise RefusedError(
+                "saturated",
+                f"the values stay at {limit:.6g} for up to {max(flat)} samples in a row, "
+                f"{len(flat)} times: the sensor is at its limit; widen its range",
+            )
+
+
+def refuse_spliced(record: Sampled, frequency_hz: float) -> None:
+    """Refuse a record with a jump that no swing of this frequency makes.
+
+    Compares the lines through the four samples before and after each place; spikes are removed.
+    """
+    from scipy.ndimage import median_filter
+
+    samples_per_period = 1 / (frequency_hz * record.step_s)
+    if record.values.size < 4 * MIN_SIDE or samples_per_period < 4 * MIN_SIDE:
+        return
+    y = median_filter(record.values, 5, mode="nearest")
+    u = np.arange(MIN_SIDE)
+    weights = np.linalg.pinv(np.stack([np.ones(MIN_SIDE), u + 0.5], axis=-1))[0]
+    before = np.convolve(y, weights, "valid")[:-MIN_SIDE]  # window reversed: nearest first
+    after = np.correlate(y, weights, "valid")[MIN_SIDE:]
+    jump = after - before
+    even = np.ptp(_sliding_steps(record.t_s), axis=-1) < 0.5 * record.step_s
+    size = np.where(even, np.abs(jump), 0.0)
+    noise = noise_rms(record.values, record.correlated_frames) * math.sqrt(2 * weights @ weights)
+    largest = int(np.argmax(size))
+    usual = float(np.median(size[even])) if even.any() else math.inf
+    if size[largest] > max(JUMP_NOISE * noise, JUMP_SLOW * usual, 2 * record.quantum):
+        at_s = float(record.t_s[largest + MIN_SIDE])
+        raise RefusedError(
+            "spliced",
+            f"the values jump by {size[largest]:.3g} at {at_s:.6g} s, "
+            f"{size[largest] / max(usual, 1e-300):.0f} times what the swing does elsewhere: "
+            "two records in one, or a blow; choose one part by its stamps",
+        )
+
+
+def refuse_growing(record: Sampled, points: TurningPoints, start: int) -> None:
+    """Refuse a record whose envelope is largest at its end and grew up to there."""
+    half_swings = points.half_swings
+    rises = half_swings[max(0, start - 2 * GROWTH_PERIODS) : start + 1]
+    left_s = float(record.t_s[-1] - points.t_s[start])
+    is_late = left_s < 0.15 * record.duration_s
+    if is_late and rises.size > GROWTH_PERIODS and rises[-1] > MAX_GROWTH * rises[0]:
+        raise RefusedError(
+            "growing",
+            f"the swing grows from {rises[0]:.3g} to {rises[-1]:.3g} up to {left_s:.3g} s before "
+            "the end: driven, or the decay was not recorded",
+        )
+
+
+def refuse_large_unit(amplitude: float) -> None:
+    """Refuse angles that a pendulum in radians cannot have."""
+    if amplitude > math.pi:
+        raise RefusedError(
+            "unit",
+            f"a swing of {amplitude:.3g} rad is beyond the upright position (3.14 rad): "
+            "are the values degrees? Give the unit",
+        )
+
+
+def _runs(flags: npt.NDArray[np.bool_]) -> list[int]:
+    """Lengths of the runs of true flags."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
+    return [int(stop - first) for first, stop in edges.reshape(-1, 2)]
+
+
+def _sliding_steps(t_s: FloatArray) -> FloatArray:
+    """Steps (M, 2 MIN_SIDE - 1) around each place that is judged."""
+    return np.lib.stride_tricks.sliding_window_view(np.diff(t_s), 2 * MIN_SIDE - 1)

@@ -1,0 +1,153 @@
+"""Whole uncertainty of the modes: noise, and what no residual shows, each a row of the budget."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from rig.analysis.identify.decay_fit import DecayFit
+from rig.analysis.identify.identification import BudgetRow, Mode
+from rig.analysis.identify.identify_options import IdentifyOptions
+from rig.analysis.identify.spectrum import noise_excess
+
+FloatArray = npt.NDArray[np.float64]
+
+DIFFERENCE = 1e-6
+DOUBT_FACTOR = 2.0  # each failed check adds a variance of so many noise sigmas, squared
+
+
+class ModeWithBudget(NamedTuple):
+    """A mode and the rows of its uncertainty."""
+
+    mode: Mode
+    budget: tuple[BudgetRow, ...]
+
+
+class ModelShare(NamedTuple):
+    """What the checks of the fit add to the uncertainty."""
+
+    frequency_hz: float  # half of the difference of the halves beyond noise
+    damping_ratio: float
+    failed_checks: int
+
+
+def mode_with_budget(
+    found: DecayFit, k: int, options: IdentifyOptions, share: ModelShare
+) -> ModeWithBudget:
+    """Compute mode k and the rows of its budget."""
+    w0, _ = found.model.natural(found.p, k)
+    frequency_hz = w0 / (2 * math.pi)
+    at = damping_amplitude(found, k)
+    amplitude = float(found.model.amplitude(found.p, k, np.zeros(1))[0])
+    damping = found.model.damping_ratio(found.p, k, at)
+    noise = _noise_row(found, k, at)
+    rows = [noise, *_systematic_rows(found, k, at, options)]
+    rows.append(BudgetRow("halves", share.frequency_hz, share.damping_ratio))
+    if share.failed_checks:
+        factor = DOUBT_FACTOR * math.sqrt(share.failed_checks)
+        rows.append(
+            BudgetRow("failed checks", factor * noise.frequency_hz, factor * noise.damping_ratio)
+        )
+    if found.elliptic:
+        rows = [_with_length(row, frequency_hz, options) for row in rows]
+        rows.append(_gravity_row(frequency_hz, options))
+    sigma_amplitude = math.hypot(
+        _noise_sigma(found, k, lambda p: float(found.model.amplitude(p, k, np.zeros(1))[0])),
+        amplitude * options.angle_scale_rel,
+    )
+    mode = Mode(
+        frequency_hz=frequency_hz,
+        damping_ratio=damping,
+        amplitude=amplitude,
+        at_amplitude=at,
+        sigma_frequency_hz=root_sum(row.frequency_hz for row in rows),
+        sigma_damping_ratio=root_sum(row.damping_ratio for row in rows),
+        sigma_amplitude=sigma_amplitude,
+        sigma_noise_frequency_hz=noise.frequency_hz,
+        sigma_noise_damping_ratio=noise.damping_ratio,
+        decay_time_s=1 / (damping * w0) if damping > 0 else math.inf,
+        q=1 / (2 * damping) if damping > 0 else math.inf,
+    )
+    return ModeWithBudget(mode, tuple(rows))
+
+
+def damping_amplitude(found: DecayFit, k: int) -> float:
+    """Compute the amplitude that a common damping ratio belongs to.
+
+    The slope of log B over time, weighted with B^2, is the mean of the local slopes with the
+    weight W(t) = integral from t to the end of (u - mean u) B^2 du.
+    """
+    tau = found.tau
+    amplitude = found.model.amplitude(found.p, k, tau)
+    energy = amplitude**2
+    total = float(np.sum(energy))
+    if not total > 0:
+        return float(amplitude[0])
+    lever = (tau - float(np.sum(tau * energy)) / total) * energy
+    weight = np.maximum(np.cumsum(lever[::-1])[::-1], 0.0) * np.gradient(tau)
+    return float(np.sum(weight * amplitude) / max(float(np.sum(weight)), 1e-300))
+
+
+def root_sum(values: Iterable[float]) -> float:
+    """Compute the root of the sum of squares."""
+    return math.sqrt(sum(value * value for value in values))
+
+
+def _noise_row(found: DecayFit, k: int, at: float) -> BudgetRow:
+    def frequency_hz(p: FloatArray) -> float:
+        return found.model.natural(p, k)[0] / (2 * math.pi)
+
+    def damping_ratio(p: FloatArray) -> float:
+        return found.model.damping_ratio(p, k, at)
+
+    return BudgetRow(
+        "noise", _noise_sigma(found, k, frequency_hz), _noise_sigma(found, k, damping_ratio)
+    )
+
+
+def _noise_sigma(found: DecayFit, k: int, quantity: Callable[[FloatArray], float]) -> float:
+    """Propagate the covariance, with the noise density near the mode over its mean."""
+    w0, _ = found.model.natural(found.p, k)
+    excess = noise_excess(found.record, found.residual, w0 / (2 * math.pi))
+    gradient = np.zeros(found.p.size)
+    base = quantity(found.p)
+    for n in range(found.p.size):
+        step = DIFFERENCE * max(abs(found.p[n]), 1e-3)
+        moved = found.p.copy()
+        moved[n] += step
+        gradient[n] = (quantity(moved) - base) / step
+    return math.sqrt(max(0.0, float(gradient @ found.covariance() @ gradient)) * excess)
+
+
+def _systematic_rows(
+    found: DecayFit, k: int, at: float, options: IdentifyOptions
+) -> list[BudgetRow]:
+    w0, _ = found.model.natural(found.p, k)
+    frequency_hz = w0 / (2 * math.pi)
+    scale = frequency_hz * at**2 / 8 * options.angle_scale_rel if found.elliptic else 0.0
+    rows = [
+        BudgetRow("angle scale", scale, 0.0),
+        BudgetRow("clock", frequency_hz * options.clock_ppm * 1e-6, 0.0),
+        BudgetRow("gain drift", 0.0, options.gain_drift_rel / (w0 * found.record.duration_s)),
+    ]
+    if found.elliptic and found.layout.modes > 1:
+        squares = 0.0
+        for mode in range(found.layout.modes):
+            squares += damping_amplitude(found, mode) ** 2
+        rows.append(BudgetRow("coupling", frequency_hz * squares / 16, 0.0))
+    return rows
+
+
+def _with_length(row: BudgetRow, frequency_hz: float, options: IdentifyOptions) -> BudgetRow:
+    length_m = options.gravity_m_s2 / (2 * math.pi * frequency_hz) ** 2
+    return row._replace(cable_length_m=2 * length_m * row.frequency_hz / frequency_hz)
+
+
+def _gravity_row(frequency_hz: float, options: IdentifyOptions) -> BudgetRow:
+    length_m = options.gravity_m_s2 / (2 * math.pi * frequency_hz) ** 2
+    relative = options.gravity_sigma_m_s2 / options.gravity_m_s2
+    return BudgetRow("gravity", 0.0, 0.0, length_m * relative)
