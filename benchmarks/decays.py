@@ -96,10 +96,7 @@ class Swing:
 
         loop = quad(speed, 0, math.pi / 2)[0]
         square = quad(lambda x: 2 * energy(x), 0, amplitude)[0]
-        return (
-            self.damping_ratio
-            + (self.drag * square + self.friction * amplitude) / (2 * loop)
-        )
+        return self.damping_ratio + (self.drag * square + self.friction * amplitude) / (2 * loop)
 
 
 def record(

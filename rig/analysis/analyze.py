@@ -20,6 +20,7 @@ from rig.analysis.joint import joint_run
 from rig.analysis.motion import motion_peaks
 from rig.analysis.run_log import RunLog
 from rig.analysis.summary import LinkSummary, Summary
+from rig.analysis.uncertainty import total
 
 
 class RunAnalysis:
@@ -61,7 +62,7 @@ def _summary(run: RunLog, fit: DecayFit | None) -> Summary:
     """Summarise a run, with the verdict good."""
     start = run.log.metadata["run.start"]
     stop = run.log.metadata.get("run.stop", {})
-    measured, sigma = quantities.measured_quantities(run, fit)
+    measured, noise, budget = quantities.measured_quantities(run, fit)
     angles = _angles_after_start(run)
     return Summary(
         run_id=start["run_id"],
@@ -76,7 +77,9 @@ def _summary(run: RunLog, fit: DecayFit | None) -> Summary:
         move_m=run.plan.distance_m,
         move_time_s=run.plan.time_s,
         measured=measured,
-        sigma=sigma,
+        sigma=total(budget),
+        sigma_noise=noise,
+        budget=budget,
         truth=quantities.true_quantities(run),
         planned=quantities.planned_quantities(run),
         latency_ms=delays.latency(run),

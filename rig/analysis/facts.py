@@ -15,6 +15,15 @@ import msgspec
 from comms.errors import LogError
 
 
+class AnalysisFacts(msgspec.Struct, frozen=True):
+    """Standard deviations of `[analysis]`; older logs have no such section."""
+
+    angle_scale_rel: float | None = None  # None: that of the calibration
+    clock_ppm: float = 20.0
+    gain_drift_rel: float = 1e-3
+    gravity_sigma_m_s2: float = 0.01
+
+
 class RunFacts(msgspec.Struct, frozen=True, kw_only=True):
     """Keys of `experiment.json` that the analysis uses."""
 
@@ -25,6 +34,7 @@ class RunFacts(msgspec.Struct, frozen=True, kw_only=True):
     reference_delay_ms: float  # largest delay that the link fault model adds to a reference
     damping_ratio: float = 0.0  # of [model]
     is_chain: bool = False  # the load of [model] has links
+    analysis: AnalysisFacts = AnalysisFacts()
 
     @property
     def rate_hz(self) -> float:
@@ -84,7 +94,18 @@ def read_facts(data: bytes, path: Path) -> RunFacts:
         reference_delay_ms=(delay_ms or 0.0) + (jitter_ms or 0.0),
         damping_ratio=number_at(tables, "model", "damping_ratio") or 0.0,
         is_chain=bool(value_at(tables, "model", "links")),
+        analysis=_analysis(tables),
     )
+
+
+def _analysis(tables: Any) -> AnalysisFacts:
+    default = AnalysisFacts()
+    found: dict[str, float] = {}
+    for name in AnalysisFacts.__struct_fields__:
+        value = number_at(tables, "analysis", name)
+        if value is not None:
+            found[name] = value
+    return msgspec.structs.replace(default, **found)
 
 
 def _rates_hz(tables: Any, rate_hz: float) -> tuple[float, ...]:

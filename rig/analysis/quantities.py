@@ -11,6 +11,7 @@ from rig.analysis.identify.decay import (
     DecayFit,
     cable_length_m,
     cable_length_sigma_m,
+    fit_decay,
     is_identifiable,
 )
 from rig.analysis.identify.errors import AnalysisError
@@ -22,22 +23,46 @@ from rig.analysis.identify.swing import (
     residual_amplitude_rad,
 )
 from rig.analysis.run_log import RunLog
-from rig.analysis.summary import Planned, Quantities, SwingError
+from rig.analysis.summary import BudgetTerm, Planned, Quantities, SwingError
 from rig.analysis.true_load import is_beyond_a_pendulum, true_load, true_motion
+from rig.analysis.uncertainty import budget_of, total
 
+FITTED = ("residual_swing_rad", "natural_frequency_hz", "damping_ratio", "cable_length_m")
 MAX_MISSING_FRAMES = 2  # in a row, while the largest swing is looked for
 
 
-def measured_quantities(run: RunLog, fit: DecayFit | None) -> tuple[Quantities, Quantities]:
-    """Compute the measured quantities and their standard deviations."""
-    measured, sigma = Quantities(), Quantities()
+def measured_quantities(
+    run: RunLog, fit: DecayFit | None
+) -> tuple[Quantities, Quantities, list[BudgetTerm]]:
+    """Compute the measured quantities, the deviations of their noise, and their budget.
+
+    A value whose whole standard deviation exceeds half of it is None.
+    """
+    measured, noise = Quantities(), Quantities()
     t, angle, sigma_rad = run.single_frames
     if run.t_start_s is not None and t.size and peak_gap_s(run) is None:
         with suppress(AnalysisError):
             measured.peak_swing_rad = peak_swing_rad(t, angle, *run.swing_window_s)
-            sigma.peak_swing_rad = float(np.median(sigma_rad))
-    if fit is None or not math.isfinite(fit.sigma_amplitude_rad):
-        return measured, sigma
+            noise.peak_swing_rad = float(np.median(sigma_rad))
+    if fit is not None and math.isfinite(fit.sigma_amplitude_rad):
+        _add_fitted(run, fit, measured, noise)
+    terms = run.facts.analysis
+    scale_rel = terms.angle_scale_rel
+    if scale_rel is None:
+        scale_rel = run.angle_scale_of(run.main_camera).sigma_rel
+    budget = budget_of(
+        measured, noise, fit, _halves(run, fit), terms, run.facts.gravity_m_s2, scale_rel
+    )
+    whole = total(budget)
+    for name in FITTED:
+        value, deviation = getattr(measured, name), getattr(whole, name)
+        if value is not None and not is_identifiable(value, deviation):
+            setattr(measured, name, None)
+    return measured, noise, budget
+
+
+def _add_fitted(run: RunLog, fit: DecayFit, measured: Quantities, noise: Quantities) -> None:
+    """Add the quantities of the swing after the move."""
     g = run.facts.gravity_m_s2
     frequency_hz = fit.natural_frequency_hz
     sigma_frequency_hz = fit.sigma_natural_frequency_hz
@@ -52,10 +77,32 @@ def measured_quantities(run: RunLog, fit: DecayFit | None) -> tuple[Quantities, 
     if run.facts.is_chain:
         del found["cable_length_m"]
     for name, (value, deviation) in found.items():
-        setattr(sigma, name, deviation)
-        if is_identifiable(value, deviation):
-            setattr(measured, name, value)
-    return measured, sigma
+        setattr(measured, name, value)
+        setattr(noise, name, deviation)
+
+
+def _halves(run: RunLog, fit: DecayFit | None) -> tuple[DecayFit, DecayFit] | None:
+    """Fit both halves of the record by themselves; None where one is too short."""
+    if fit is None or not math.isfinite(fit.sigma_amplitude_rad):
+        return None
+    t, angle, _ = run.swing
+    middle_s = 0.5 * (run.t_settled_s + float(t[-1]))
+    period_s = 1.0 / run.facts.rate_of(run.main_camera)
+    found = []
+    for part in ((t >= run.t_settled_s) & (t < middle_s), t >= middle_s):
+        try:
+            half = fit_decay(
+                t[part],
+                angle[part],
+                average_frames=run.facts.average_frames,
+                frame_period_s=period_s,
+            )
+        except AnalysisError:
+            return None
+        if not math.isfinite(half.sigma_amplitude_rad):
+            return None
+        found.append(half)
+    return found[0], found[1]
 
 
 def peak_gap_s(run: RunLog) -> tuple[float, float] | None:

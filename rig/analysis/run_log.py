@@ -20,6 +20,7 @@ from comms.mcap_log import Log, read_log
 from comms.messages import AngleSample, Command, Reference, RobotState, SwingPlane, Truth, Verb
 from comms.plan_record import PlanRecord
 from comms.records import CompressedImage, Event, FrameStamp, LinkRow, Receipts, TaskTiming
+from rig.analysis.angle_scale import CORRECTED, AngleScale, angle_scale
 from rig.analysis.both_planes import camera_centre_m, in_one_plane
 from rig.analysis.facts import ControllerFacts, RunFacts, read_facts
 from rig.analysis.seen_swing import FloatArray, SeenSwing, averaged, of_single_frames
@@ -153,12 +154,27 @@ class RunLog:
 
     def swing_of(self, camera: int) -> SeenSwing:
         """Compute the valid averaged angles in the plane of a camera."""
-        return self._in_one_plane(averaged(self.angles_of(camera)), camera)
+        return self._in_one_plane(self._scaled(averaged(self.angles_of(camera)), camera), camera)
 
     def single_frames_of(self, camera: int) -> SeenSwing:
         """Compute the angles of single frames in the plane of a camera."""
-        samples = self.angles_of(camera)
-        return self._in_one_plane(of_single_frames(samples, self.facts.average_frames), camera)
+        seen = of_single_frames(self.angles_of(camera), self.facts.average_frames)
+        return self._in_one_plane(self._scaled(seen, camera), camera)
+
+    def angle_scale_of(self, camera: int) -> AngleScale:
+        """Find the scale of the angles of a camera, by what its task knew."""
+        words = self.log.metadata.get("run.start", {}).get("angle_scale", "").split(", ")
+        word = words[camera - 1] if camera <= len(words) else words[0]
+        data = self.log.attachments.get(_settings_name(camera))
+        return angle_scale(data, word == CORRECTED) if data else AngleScale()
+
+    def _scaled(self, seen: SeenSwing, camera: int) -> SeenSwing:
+        """Remove the perspective that the task of the camera has left."""
+        factor = self.angle_scale_of(camera).factor
+        if factor == 1.0:
+            return seen
+        angle_rad = np.arctan(factor * np.tan(seen.angle_rad))
+        return SeenSwing(seen.t_s, angle_rad, factor * seen.sigma_rad)
 
     def _in_one_plane(self, seen: SeenSwing, camera: int) -> SeenSwing:
         """Take out the swing across, which a second camera with a camera file sees."""
@@ -175,8 +191,7 @@ class RunLog:
 
     def _centre_m(self, camera: int) -> FloatArray | None:
         """Find the centre (3,) of a camera; None without a camera file."""
-        name = "vision.json" if camera == 1 else f"vision_{camera}.json"
-        data = self.log.attachments.get(name)
+        data = self.log.attachments.get(_settings_name(camera))
         return camera_centre_m(data) if data else None
 
     def _positions_m(self, t_s: FloatArray) -> FloatArray:
@@ -278,3 +293,7 @@ class RunLog:
             return None  # an elastic joint
         load = self.plant_params.get("pendulum")
         return math.sqrt(load["gravity_m_s2"] / load["length_m"]) if load else None
+
+
+def _settings_name(camera: int) -> str:
+    return "vision.json" if camera == 1 else f"vision_{camera}.json"

@@ -18,6 +18,17 @@ class Quantities(msgspec.Struct, kw_only=True):
     cable_length_m: float | None = None
 
 
+class BudgetTerm(msgspec.Struct, kw_only=True):
+    """One standard deviation that a cause adds to each quantity; None where it adds none."""
+
+    term: str
+    peak_swing_rad: float | None = None
+    residual_swing_rad: float | None = None
+    natural_frequency_hz: float | None = None
+    damping_ratio: float | None = None
+    cable_length_m: float | None = None
+
+
 class Quantity(NamedTuple):
     """Title, factor and decimals with which a quantity is shown."""
 
@@ -226,12 +237,14 @@ class Summary(msgspec.Struct, kw_only=True):
     move_m: float
     move_time_s: float
     measured: Quantities
-    sigma: Quantities
+    sigma: Quantities  # whole standard deviations
     truth: Quantities | None
     planned: Planned
     latency_ms: Latency
     links: dict[str, LinkSummary]
     digest: str | None
+    sigma_noise: Quantities = msgspec.field(default_factory=Quantities)  # of the noise alone
+    budget: list[BudgetTerm] = []
     initial_swing_rad: float | None = None
     swing_error: SwingError = msgspec.field(default_factory=SwingError)
     lateness: Lateness = msgspec.field(default_factory=Lateness)

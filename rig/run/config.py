@@ -173,6 +173,17 @@ class RecordSection(Section, frozen=True, kw_only=True):
     pictures_hz: Annotated[float, Meta(ge=0, le=50)] = 2.0
 
 
+class AnalysisSection(Section, frozen=True, kw_only=True):
+    """`[analysis]`: standard deviations of what the analysis cannot measure."""
+
+    # of the scale of the angles, relative; None: 0.03 % after a calibration, and 1 - cos(pitch)
+    # where the distance of the camera is not given; 0.5 % without one
+    angle_scale_rel: Annotated[float, Meta(ge=0, le=0.5)] | None = None
+    clock_ppm: Annotated[float, Meta(ge=0, le=1e4)] = 20.0
+    gain_drift_rel: Annotated[float, Meta(ge=0, le=0.5)] = 1e-3  # of the scale within a record
+    gravity_sigma_m_s2: Annotated[float, Meta(ge=0, le=1)] = 0.01
+
+
 class BenchSection(Section, frozen=True, kw_only=True):
     """`[bench]`: kind of plant; its tables are checked where the plant is built."""
 
@@ -206,6 +217,7 @@ class Experiment(Section, frozen=True, kw_only=True):
     network: NetworkSection = NetworkSection()
     record: RecordSection = RecordSection()
     can: CanSection = CanSection()
+    analysis: AnalysisSection = AnalysisSection()
     drive: AxisDriveSection = AxisDriveSection()
     joint: JointSection | None = None  # of the kind joint
     bench: BenchSection = BenchSection()

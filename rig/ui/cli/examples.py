@@ -38,6 +38,10 @@ EXAMPLES = {
         "analyze last",
         "analyze last --csv swing.csv --report",
     ),
+    "identify": (
+        "identify last",
+        "identify decay.csv --unit deg --plot decay.svg",
+    ),
     "recover": (
         "recover last whole.mcap",
         "recover runs/broken.mcap whole.mcap --json",

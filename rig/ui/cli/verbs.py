@@ -40,6 +40,9 @@ VERBS = {
     "sim": VerbRow("rig.ui.cli.sim:sim", "Write a synthetic video with its truth."),
     "track": VerbRow("rig.ui.cli.track:track", "Measure the cable angle in a video file."),
     "analyze": VerbRow("rig.ui.cli.analyze:analyze", "Analyse a recorded run."),
+    "identify": VerbRow(
+        "rig.ui.cli.identify:identify", "Find frequency and damping of a decay in any file."
+    ),
     "recover": VerbRow(
         "rig.ui.cli.recover:recover_log", "Write a complete file from a damaged log."
     ),
