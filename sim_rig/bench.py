@@ -10,6 +10,7 @@ from sim_rig.link_angles import LinkState
 from sim_rig.load import Load
 from sim_rig.params import BenchParams
 from sim_rig.robot import Platform, Velocities
+from sim_rig.run_time_load import LoadInRunTime
 from sim_rig.vectors import Vector
 
 # Runge-Kutta at 1 ms: error 4e-8 rad after 24 s of setpoint steps, energy drift 3e-13
@@ -104,7 +105,7 @@ class Bench:
         """platform: in place of the Cartesian one; it starts at t_ns."""
         self.t_ns = t_ns
         self._platform = platform or Platform(params.robot, params.start_m, STEP_NS * 1e-9)
-        self._load = Load(params)
+        self._load = LoadInRunTime(params) if params.clock_ppm else Load(params)
         self._platform.carry(self._load.force_n)
 
     @property

@@ -54,15 +54,15 @@ class AxisProjector:
         )
         self._pieces = PIECES if pose.is_distorted else 1
 
-    def axis(self, states: Sequence[CableState]) -> CableAxis | None:
-        """Compute the axis from one state at each of the instants.
+    def axis(self, states: Sequence[CableState], start_s: float = 0.0) -> CableAxis | None:
+        """Compute the axis from one state at each of the instants after start_s.
 
         None if a point is behind the camera, or if the cable does not hang down in the image.
         """
         columns = np.empty((len(states), self._height))
         first, last, link_end = 0.0, self._height - 1.0, self._height - 1.0
         for k, state in enumerate(states):
-            pixels = self._project(state)
+            pixels = self._project(state, start_s + float(self.instants_s[k]))
             if pixels is None:
                 return None
             if pixels[-1, 1] < pixels[0, 1]:  # the camera is upside down
@@ -83,27 +83,34 @@ class AxisProjector:
         link_rows = min(int(link_end) + 1 - shown.start, mean.size)
         return CableAxis(shown.start, start, mean, end, slope, link_rows)
 
-    def pivot_px(self, state: CableState) -> FloatArray | None:
-        """Project the upper end of the cable (2,); None if it is behind the camera."""
-        found = self._pose.project(np.array([state.position_m]))
+    def middle_s(self, start_s: float) -> float:
+        """Return the instant of the middle one of the states of an exposure that starts then."""
+        return start_s + float(self.instants_s[len(self.instants_s) // 2])
+
+    def pivot_px(self, state: CableState, t_s: float = 0.0) -> FloatArray | None:
+        """Project the upper end of the cable (2,) at t_s; None if it is behind the camera."""
+        found = self._pose.project(np.array([state.position_m]), t_s)
         return None if found is None else found[0]
 
-    def end_px(self, state: CableState) -> tuple[FloatArray, float] | None:
-        """Project the lower end (2,), with the pixels per metre there; None behind the camera."""
+    def end_px(self, state: CableState, t_s: float = 0.0) -> tuple[FloatArray, float] | None:
+        """Project the lower end (2,) at t_s, with the pixels per metre there without drift.
+
+        None if it is behind the camera.
+        """
         end_m = np.add(state.position_m, state.points_m[-1])
-        found = self._pose.project(end_m[None, :])
+        found = self._pose.project(end_m[None, :], t_s)
         if found is None:
             return None
         return found[0], float(self._pose.matrix[0, 0]) / self._pose.depth_m(end_m)
 
-    def _project(self, state: CableState) -> FloatArray | None:
-        """Project the points of the cable, with further ones between them through a lens."""
+    def _project(self, state: CableState, t_s: float) -> FloatArray | None:
+        """Project the points of the cable at t_s, with further ones between them by a lens."""
         points = np.asarray(state.points_m)
         if self._pieces > 1:
             knots = np.arange(len(points))
             dense = np.linspace(0, len(points) - 1, (len(points) - 1) * self._pieces + 1)
             points = np.stack([np.interp(dense, knots, axis) for axis in points.T], axis=1)
-        return self._pose.project(points + state.position_m)
+        return self._pose.project(points + state.position_m, t_s)
 
 
 def _lagrange(nodes: FloatArray, at: FloatArray) -> FloatArray:

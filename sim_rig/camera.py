@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from comms.messages import Position
 from sim_rig.camera_params import CameraParams
+from sim_rig.gain_drift import horizontal_gain
 from sim_rig.params import View
 from sim_rig.vectors import Vector
 
@@ -49,19 +50,24 @@ class Pinhole:
         self._distance_m = camera.distance_m
         self._above_m = camera.pivot_above_axis_m
         self._focal_px = camera.pixels_per_m * camera.distance_m
+        self._drift_rel = camera.gain_drift_rel
         self._centre_px = view.width / 2, view.height / 2
         self._rows = np.arange(view.height, dtype=np.float64)
         pitch_rad = math.radians(camera.pitch_deg)
         self._cos = math.cos(pitch_rad)
         self._sin = math.sin(pitch_rad)
 
-    def line(self, position_m: Position, x_rad: float, y_rad: float = 0.0) -> CableLine | None:
+    def line(
+        self, position_m: Position, x_rad: float, y_rad: float = 0.0, t_s: float = 0.0
+    ) -> CableLine | None:
         """Project the straight cable of a platform at position_m, at angles in the planes x and y.
+
+        t_s: time since the start of the simulation, for the gain g of the columns.
 
         Returns None if the cable is behind the camera or does not hang down. A point is imaged at
         centre + focal (right, down) / depth in the frame of the camera. Per metre downwards, right
         increases by tan x, depth by sin(pitch) + tan y cos(pitch) and down by
-        cos(pitch) - tan y sin(pitch), which gives the slope.
+        cos(pitch) - tan y sin(pitch), which gives the slope over g.
         """
         right = position_m[0] - self._home_m[0]
         ahead = position_m[1] - self._home_m[1] + self._distance_m
@@ -75,18 +81,22 @@ class Pinhole:
         if math.cos(y_rad) < MIN_COS_ANGLE or turned < MIN_DEPTH_M:
             return None
         turn = self._sin + tan_y * self._cos
-        slope = (math.tan(x_rad) * depth - right * turn) / turned
+        gain = horizontal_gain(self._drift_rel, t_s)
+        slope = gain * (math.tan(x_rad) * depth - right * turn) / turned
         row = self._centre_px[1] + self._focal_px * down / depth
-        column = self._centre_px[0] + self._focal_px * right / depth
+        column = self._centre_px[0] + gain * self._focal_px * right / depth
         return CableLine(column - slope * row, slope, row)
 
-    def curve(self, position_m: Position, points_m: Sequence[Vector]) -> CableCurve | None:
-        """Project a cable through points, relative to the platform and from it down.
+    def curve(
+        self, position_m: Position, points_m: Sequence[Vector], t_s: float = 0.0
+    ) -> CableCurve | None:
+        """Project a cable through points, relative to the platform and from it down, at t_s.
 
         Between them it is straight. Returns None if a point is behind the camera, or if the cable
         does not hang down in the image.
         """
         columns, rows = [], []
+        across_px = horizontal_gain(self._drift_rel, t_s) * self._focal_px
         for x, y, z in points_m:
             right = position_m[0] + x - self._home_m[0]
             ahead = position_m[1] + y - self._home_m[1] + self._distance_m
@@ -95,7 +105,7 @@ class Pinhole:
             if min(ahead, depth) < MIN_DEPTH_M:
                 return None
             down = -ahead * self._sin - above * self._cos
-            columns.append(self._centre_px[0] + self._focal_px * right / depth)
+            columns.append(self._centre_px[0] + across_px * right / depth)
             rows.append(self._centre_px[1] + self._focal_px * down / depth)
         if any(lower <= upper for upper, lower in pairwise(rows)):
             return None

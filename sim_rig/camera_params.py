@@ -10,14 +10,16 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from sim_rig.camera_objects import PictureObject
+from sim_rig.camera_objects import Knots, LoadInPicture, PictureObject, Shadow
 
 MAX_OBJECTS = 20
+DRIFTING = (Shadow, LoadInPicture, Knots)  # objects that a drifting lens moves with the cable
 Coefficient = Annotated[float, Meta(ge=-5.0, le=5.0)]
 Share = Annotated[float, Meta(ge=0.0, le=1.0)]
 Shift = Annotated[float, Meta(ge=-50.0, le=50.0)]
 Instant = Annotated[float, Meta(ge=0.0, le=1e5)]
 Factor = Annotated[float, Meta(ge=0.0, le=10.0)]
+Drift = Annotated[float, Meta(ge=-0.05, le=0.05)]
 Gradient = Annotated[float, Meta(ge=-1.9, le=1.9)]
 
 
@@ -99,7 +101,8 @@ class CameraParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     """Camera before a screen (`[bench.camera]`, or `[[bench.cameras]]` for one to three).
 
     Without shift it stands distance_m before the home position and pivot_above_axis_m below the
-    pivot. Raises ValueError for a camera behind the screen.
+    pivot. Raises ValueError for a camera behind the screen, and for a drift of its gain with
+    objects that do not follow the cable.
     """
 
     # plane of the swing that it sees: x from the front, +x right; y from the right side, +y right
@@ -114,6 +117,9 @@ class CameraParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     # in the plane of the home position
     pixels_per_m: Annotated[float, Meta(ge=10.0, le=20000.0)] = 1000.0
     cable_width_px: Annotated[float, Meta(ge=0.1, le=100.0)] = 2.5
+    # change of the horizontal magnification, linear in time: by this share of that at the start
+    # over each 24 s from the start of the simulation, about the column of the optical axis
+    gain_drift_rel: Drift = 0.0
     # from the centre of the camera to the plane of the home position
     distance_m: Annotated[float, Meta(ge=0.1, le=50.0)] = 1.0
     # height of the pivot over the optical axis of the camera that is not turned
@@ -147,4 +153,10 @@ class CameraParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
             raise ValueError(
                 f"shift_m = {list(self.shift_m)} puts the camera behind the screen; the second "
                 f"value must be < {bound_m:g} m, distance_m + screen_m: move the camera back"
+            )
+        if self.gain_drift_rel and not all(isinstance(item, DRIFTING) for item in self.objects):
+            raise ValueError(
+                f"gain_drift_rel = {self.gain_drift_rel:g} with objects that do not follow the "
+                "cable; must be 0 with others than shadow, load and knots, as they would stay "
+                "where they are: remove them, or the drift"
             )

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from comms.messages import Position
 from sim_rig.camera_params import CameraParams
+from sim_rig.gain_drift import horizontal_gain
 from sim_rig.params import View
 
 FloatArray = NDArray[np.float64]
@@ -44,17 +45,25 @@ class PosedCamera:
         )
         self.distortion: FloatArray = np.array([lens.k1, lens.k2, lens.p1, lens.p2, lens.k3])
         self.is_distorted = bool(np.any(self.distortion))
+        self._drift_rel = camera.gain_drift_rel
 
-    def project(self, points_m: FloatArray) -> FloatArray | None:
-        """Project points (N, 3) to pixels (N, 2); None if one of them is behind the camera."""
+    def project(self, points_m: FloatArray, t_s: float = 0.0) -> FloatArray | None:
+        """Project points (N, 3) to pixels (N, 2), t_s after the start of the simulation.
+
+        None if one of them is behind the camera.
+        """
         own = (points_m - self.centre_m) @ self.turn.T
         if own[:, 2].min() < MIN_DEPTH_M:
             return None
+        matrix = self.matrix
+        if self._drift_rel:
+            gain = horizontal_gain(self._drift_rel, t_s)
+            matrix = np.array([[gain * matrix[0, 0], 0.0, matrix[0, 2]], *matrix[1:]])
         if not self.is_distorted:
             image = own[:, :2] / own[:, 2:]
-            return np.asarray(image * np.diag(self.matrix)[:2] + self.matrix[:2, 2])
+            return np.asarray(image * np.diag(matrix)[:2] + matrix[:2, 2])
         still = np.zeros(3)
-        pixels, _ = cv2.projectPoints(own, still, still, self.matrix, self.distortion)
+        pixels, _ = cv2.projectPoints(own, still, still, matrix, self.distortion)
         return np.asarray(pixels.reshape(-1, 2), dtype=np.float64)
 
     def depth_m(self, point_m: FloatArray) -> float:

@@ -84,16 +84,16 @@ class Imager:
         self, states: Sequence[CableState], start_s: float, index: int
     ) -> NDArray[np.uint8]:
         """Take the picture of the states at the instants of the projector, from start_s on."""
-        axis = self.projector.axis(states)
+        axis = self.projector.axis(states, start_s)
         middle = states[len(states) // 2]
         return self._sensor.picture(self.levels(axis, middle, start_s), index)
 
     def truth(self, states: Sequence[CableState], start_s: float) -> PictureTruth:
         """Compute what is true in the picture of these states."""
         middle = states[len(states) // 2]
-        pivot = self.projector.pivot_px(middle)
+        pivot = self.projector.pivot_px(middle, self.projector.middle_s(start_s))
         place = (math.nan, math.nan) if pivot is None else (float(pivot[0]), float(pivot[1]))
-        axis = self.projector.axis(states)
+        axis = self.projector.axis(states, start_s)
         if axis is None:
             return PictureTruth(place, 0, None, None)
         seen = self._seen(axis, start_s)
@@ -172,23 +172,24 @@ class Imager:
 
     def _draw_followers(self, level: Image, state: CableState, start_s: float) -> None:
         """Draw what moves with the cable: knots and the load."""
+        t_s = self.projector.middle_s(start_s)
         for item in self._camera.objects:
             if isinstance(item, Knots) and item.is_shown(start_s):
-                for place in self._knots_px(state, item.spacing_m):
+                for place in self._knots_px(state, item.spacing_m, t_s):
                     self._draw_disc(level, place, item.radius_px, item.dark)
             if isinstance(item, LoadInPicture) and item.is_shown(start_s):
-                end = self.projector.end_px(state)
+                end = self.projector.end_px(state, t_s)
                 if end is not None:
                     self._draw_disc(level, end[0], item.radius_m * end[1], item.dark)
 
-    def _knots_px(self, state: CableState, spacing_m: float) -> FloatArray:
-        """Project the knots (N, 2)."""
+    def _knots_px(self, state: CableState, spacing_m: float, t_s: float) -> FloatArray:
+        """Project the knots (N, 2) at t_s."""
         points = np.asarray(state.points_m) + state.position_m
         pieces_m = np.linalg.norm(np.diff(points, axis=0), axis=1)
         lengths = np.concatenate([[0.0], np.cumsum(pieces_m)])
         along = np.arange(spacing_m, lengths[-1], spacing_m)
         knots = np.stack([np.interp(along, lengths, part) for part in points.T], axis=1)
-        pixels = self._pose.project(knots) if len(knots) else None
+        pixels = self._pose.project(knots, t_s) if len(knots) else None
         return np.zeros((0, 2)) if pixels is None else pixels
 
     def _draw_disc(self, level: Image, place: FloatArray, radius_px: float, dark: float) -> None:

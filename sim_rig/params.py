@@ -53,7 +53,10 @@ class View(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
 
 class BenchParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Parameters of the whole plant; raises ValueError if the exposure exceeds the frame period."""
+    """Parameters of the whole plant.
+
+    Raises ValueError if the exposure exceeds the frame period, and for a clock error of a joint.
+    """
 
     pendulum: PendulumParams = PendulumParams()
     # in place of the pendulum, from the platform down
@@ -72,6 +75,8 @@ class BenchParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     joint: Joint | None = None  # in place of robot and load
     drive_faults: tuple[DriveFault, ...] = ()  # of its drive
     home_m: Position = (0.0, 0.0, 0.0)  # home position, before the camera
+    # by how much every clock of the rig runs fast against true time, in which the load swings
+    clock_ppm: Annotated[float, Meta(ge=-1000.0, le=1000.0)] = 0.0
     seed: Annotated[int, Meta(ge=0)] = 0  # of the image noise
     input: InputBounds | None = None  # bounds on setpoints; None = no check
 
@@ -80,11 +85,21 @@ class BenchParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
         """Position of the platform at the start of the simulation."""
         return (self.home_m[0] + self.robot.start_m, self.home_m[1], self.home_m[2])
 
+    @property
+    def clock_rate(self) -> float:
+        """Run time over true time."""
+        return 1.0 + 1e-6 * self.clock_ppm
+
     def rate_hz(self, camera: CameraParams) -> float:
         """Frame rate of a camera; 0 where there is none."""
         return camera.rate_hz or self.view.rate_hz if self.view.rate_hz else 0.0
 
     def __post_init__(self) -> None:
+        if self.clock_ppm and self.joint is not None:
+            raise ValueError(
+                f"clock_ppm = {self.clock_ppm:g} in [bench] of an elastic joint; must be 0, it "
+                "acts on a load that swings: remove it"
+            )
         for number, camera in enumerate(self.cameras, start=1):
             self._check_times(camera, self.rate_hz(camera), number)
 

@@ -18,6 +18,7 @@ PLAIN_KEYS = (
     "psf_px",
     "exposure_ms",
     "pixels_per_m",
+    "gain_drift_rel",
     "cable_width_px",
     "distance_m",
     "pivot_above_axis_m",
@@ -56,12 +57,15 @@ class PlainImager:
 
     def picture(self, states: list[CableState], start_s: float, index: int) -> NDArray[np.uint8]:
         """Take the picture of the states at the start, the middle and the end of the exposure."""
-        start, middle, end = (self._project(state) for state in states)
+        start, middle, end = (
+            self._project(state, start_s + 1e-9 * instant_ns)
+            for state, instant_ns in zip(states, self.instants_ns, strict=True)
+        )
         return self._renderer.picture(index, start, middle, end)
 
-    def _project(self, state: CableState) -> Cable | None:
-        """Project the cable; a straight one to a line."""
+    def _project(self, state: CableState, t_s: float) -> Cable | None:
+        """Project the cable at t_s since the start of the simulation; a straight one to a line."""
         if state.bent_m or len(state.links) > 1:
-            return self._pinhole.curve(state.position_m, state.points_m)
+            return self._pinhole.curve(state.position_m, state.points_m, t_s)
         link = state.links[0]
-        return self._pinhole.line(state.position_m, link.angle_x_rad, link.angle_y_rad)
+        return self._pinhole.line(state.position_m, link.angle_x_rad, link.angle_y_rad, t_s)

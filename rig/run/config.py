@@ -198,6 +198,8 @@ class BenchSection(Section, frozen=True, kw_only=True):
     camera: dict[str, Any] = {}
     cameras: list[dict[str, Any]] = []  # in place of camera, one to three
     drive_faults: list[dict[str, Any]] = []  # of a robot with a drive
+    # by how much every clock of the rig runs fast against true time, in which the load swings
+    clock_ppm: Annotated[float, Meta(ge=-1000, le=1000)] = 0.0
 
 
 class Experiment(Section, frozen=True, kw_only=True):

@@ -59,7 +59,7 @@ def errors_rad(params: BenchParams, frames: int) -> NDArray[np.float64]:
         states, start_s = frame.exposure.states, frame.exposure.true_start_ns * 1e-9
         truth = imager.truth(states, start_s)
         assert truth.angle_rad is not None
-        axis = imager.projector.axis(states)
+        axis = imager.projector.axis(states, start_s)
         assert axis is not None
         link = slice(0, axis.link_rows)
         rows = slice(axis.first_row, axis.first_row + axis.link_rows)
@@ -79,6 +79,9 @@ def errors_rad(params: BenchParams, frames: int) -> NDArray[np.float64]:
         pytest.param({"row_us": 33.3}, 60, id="rolling shutter"),
         pytest.param(POSED | {"row_us": 33.3}, 60, id="pose, lens and rolling shutter"),
         pytest.param({"cable_width_px": 8.0}, 60, id="wide cable"),
+        pytest.param(
+            POSED | {"row_us": 33.3, "gain_drift_rel": 0.05}, 60, id="drift of all of this"
+        ),
     ],
 )
 def test_without_noise_the_picture_shows_its_true_angle(

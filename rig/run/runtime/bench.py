@@ -78,6 +78,7 @@ def params(experiment: Experiment) -> BenchParams:
             ),
             robot=robot,
             cameras=_cameras(bench),
+            clock_ppm=bench.clock_ppm,
             view=View(width=view.width, height=view.height, rate_hz=rate_hz),
             seed=experiment.experiment.seed,
         )
