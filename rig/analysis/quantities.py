@@ -24,7 +24,7 @@ from rig.analysis.identify.swing import (
 )
 from rig.analysis.run_log import RunLog
 from rig.analysis.summary import BudgetTerm, Planned, Quantities, SwingError
-from rig.analysis.true_load import is_beyond_a_pendulum, true_load, true_motion
+from rig.analysis.true_load import is_beyond_a_pendulum, true_load, true_motion, true_rate
 from rig.analysis.uncertainty import budget_of, total
 
 FITTED = ("residual_swing_rad", "natural_frequency_hz", "damping_ratio", "cable_length_m")
@@ -137,7 +137,7 @@ def true_quantities(run: RunLog) -> Quantities | None:
         curve = CubicHermiteSpline(t, angle, rate)
         at_s = float(run.t_settled_s)
         truth.residual_swing_rad = residual_amplitude_rad(
-            float(curve(at_s)), float(curve(at_s, 1)), omega, load["damping_ratio"]
+            float(curve(at_s)), true_rate(run, float(curve(at_s, 1))), omega, load["damping_ratio"]
         )
         truth.peak_swing_rad = peak_swing_rad(t, angle, t0, t1)
     return truth

@@ -14,6 +14,8 @@ from planners.models.chain import ChainModel, Link
 from rig.analysis.run_log import RunLog
 from rig.analysis.summary import Quantities
 
+PPM = 1e-6
+
 FloatArray = npt.NDArray[np.float64]
 
 
@@ -89,7 +91,7 @@ def true_load(run: RunLog, motion: TrueMotion) -> Quantities:
         found.peak_swing_rad = float(angles[shown].max())
     if model is not None:
         planes = (run.main_plane,) if is_seen_across else (0, 1)
-        amplitudes = [_amplitude_rad(model, motion, run.t_settled_s, plane) for plane in planes]
+        amplitudes = [_amplitude_rad(run, model, motion, plane) for plane in planes]
         found.residual_swing_rad = math.hypot(*amplitudes)
     return found
 
@@ -100,15 +102,21 @@ def true_amplitude_rad(run: RunLog, motion: TrueMotion, plane: int) -> float | N
     The truth must reach the instant of the residual swing.
     """
     model = _model(run.plant_params)
-    return None if model is None else _amplitude_rad(model, motion, run.t_settled_s, plane)
+    return None if model is None else _amplitude_rad(run, model, motion, plane)
 
 
-def _amplitude_rad(model: ChainModel, motion: TrueMotion, at_s: float, plane: int) -> float:
+def true_rate(run: RunLog, rate: Any) -> Any:
+    """Convert a rate per second of the clock of the rig, as the log has it, to true seconds."""
+    return rate * (1.0 + PPM * run.plant_params.get("clock_ppm", 0.0))
+
+
+def _amplitude_rad(run: RunLog, model: ChainModel, motion: TrueMotion, plane: int) -> float:
     from scipy.interpolate import CubicHermiteSpline
 
     angles, rates = motion.angles_rad[..., plane], motion.rates_rad_s[..., plane]
     curve = CubicHermiteSpline(motion.t_s, angles, rates)
-    return model.amplitude_rad(curve(at_s), curve(at_s, 1))
+    at_s = run.t_settled_s
+    return model.amplitude_rad(curve(at_s), true_rate(run, curve(at_s, 1)))
 
 
 def _model(plant: dict[str, Any]) -> ChainModel | None:

@@ -29,7 +29,7 @@ JOINT_NOTE = (
     "001. ±: one standard deviation of its noise, integrated to the end of the recording."
 )
 JOINT_HEADS = ("quantity", "by accelerometer and drive", "true")
-QUANTITY_HEADS = ("quantity", "model", "planned", "measured ± noise", "true")
+QUANTITY_HEADS = ("quantity", "model", "planned", "measured ± sigma", "true")
 SWINGS = ("peak_swing_rad", "residual_swing_rad")  # what losses change
 LEDGER_HEADS = (
     "link",

@@ -6,7 +6,7 @@ import math
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import msgspec
 from rich.table import Table
@@ -27,7 +27,7 @@ from rig.ui.cli.page import (
 from rig.ui.joint_rows import joint_rows
 
 EVENT_INDENT = " " * 12  # of the further lines of an event, below its text
-QUANTITY_COLUMNS = ("", Column("planned", drop=1), "measured ± noise", "true")
+QUANTITY_COLUMNS = ("", Column("planned", drop=1), "measured ± sigma", "true")
 JOINT_COLUMNS = ("", "by accelerometer and drive", "true")
 LEDGER_COLUMNS = (
     "link",
@@ -41,13 +41,31 @@ LEDGER_COLUMNS = (
     Column("foreign", drop=4),
     "unaccounted",
 )
+
+
+@runtime_checkable
+class SupportsItem(Protocol):
+    """Number of numpy, which this module does without."""
+
+    def item(self) -> Any:
+        """Convert to a number of Python."""
+        ...
+
+
 COLOUR = {"good": "green", "doubtful": "yellow", "bad": "red"}
 
 
 def print_json(document: Any) -> None:
     """Print one JSON document; NaN and infinity become null."""
-    plain = _finite(msgspec.to_builtins(document))
+    plain = _finite(msgspec.to_builtins(document, enc_hook=_plain_number))
     sys.stdout.write(msgspec.json.format(msgspec.json.encode(plain), indent=2).decode() + "\n")
+
+
+def _plain_number(value: Any) -> Any:
+    """Convert a number of numpy to one of Python; raises NotImplementedError for anything else."""
+    if isinstance(value, SupportsItem):
+        return value.item()
+    raise NotImplementedError(f"{type(value).__name__} in a JSON document")
 
 
 @contextmanager

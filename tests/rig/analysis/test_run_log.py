@@ -14,7 +14,13 @@ from rig.run.job import plan_move, prepare
 from rig.run.recorder import Recorder
 from rig.run.runtime import bench
 
-START = {"run_id": "r", "mode": "virtual", "experiment": "move", "kind": "move"}
+START = {
+    "run_id": "r",
+    "mode": "virtual",
+    "experiment": "move",
+    "kind": "move",
+    "angle_scale": "corrected",
+}
 HOME = (0.0, 0.0, 0.0)
 
 

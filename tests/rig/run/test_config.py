@@ -22,7 +22,7 @@ from rig.run.runtime import bench
 SMALLEST = '[experiment]\nname = "mine"\n'
 SECTIONS = (
     "experiment, move, model, plan, limits, safety, robot, controller, camera, vision, links, "
-    "network, record, can, drive, joint, bench"
+    "network, record, can, analysis, drive, joint, bench"
 )
 LINKS = "reference, setpoint, joint_state, robot_state, platform_1, frame_1, angle_1"
 LINKS += ", can_down, can_up"
