@@ -68,7 +68,8 @@ def read_hdf5(path: Path, options: ReadOptions) -> SignalTable:
     arrays: dict[str, Any] = {}
 
     def keep(name: str, item: Any) -> None:
-        if isinstance(item, h5py.Dataset) and not name.startswith("#"):
+        is_text = item.attrs.get("MATLAB_class") in ("char", b"char")
+        if isinstance(item, h5py.Dataset) and not name.startswith("#") and not is_text:
             arrays[name.replace("/", ".")] = np.squeeze(np.asarray(item[()]))
 
     try:

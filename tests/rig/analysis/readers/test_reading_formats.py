@@ -74,11 +74,14 @@ def test_a_matlab_file_of_version_7_3_is_read(tmp_path):
     with h5py.File(path, "w", userblock_size=512) as file:
         file["t"] = T_S[np.newaxis, :]
         file["run/angle_rad"] = ANGLE_RAD[np.newaxis, :]
+        file["run/note"] = np.arange(70, 130, dtype=np.uint16)[:, np.newaxis]
+        file["run/note"].attrs["MATLAB_class"] = b"char"
     data = bytearray(path.read_bytes())
     data[:19] = b"MATLAB 7.3 MAT-file"
     path.write_bytes(data)
     record = read_signal(path)
     assert record.kind == "MATLAB file v7.3"
+    assert len(record.columns) == 2
     assert record.signal_source == "column 1 'run.angle_rad'"
     assert np.array_equal(record.values, ANGLE_RAD)
 
