@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
-from rig.analysis.readers.errors import UnreadableData
+from rig.analysis.readers.errors import UnreadableData, counted
 from rig.analysis.readers.file_kind import HEAD_BYTES
 from rig.analysis.readers.signal_record import ReadFinding
 from rig.analysis.readers.table import SignalColumn, SignalTable
@@ -69,7 +69,10 @@ def _ragged(rows: list[int], columns: int) -> list[ReadFinding]:
     if not rows:
         return []
     shown = tuple(rows[:SHOWN_ROWS])
-    text = f"{len(rows)} rows with another number of cells than {columns}, the first: row {rows[0]}"
+    text = (
+        f"{counted(len(rows), 'row')} with another number of cells than {columns}, "
+        f"the first: row {rows[0]}"
+    )
     return [ReadFinding("ragged_rows", text, len(rows), shown)]
 
 
