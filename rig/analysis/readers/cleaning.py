@@ -45,8 +45,8 @@ def _bad_cell_findings(cells: Sequence[BadCell], finite: BoolArray) -> list[Read
     if texts:
         first = texts[0]
         text = (
-            f"{counted(len(texts), 'cell')} with text, the first: row {first.row}, column {first.column + 1}, "
-            f"'{first.text[:SHOWN_CHARACTERS]}'; left out"
+            f"{counted(len(texts), 'cell')} with text, the first: row {first.row}, "
+            f"column {first.column + 1}, '{first.text[:SHOWN_CHARACTERS]}'; left out"
         )
         shown = tuple(sorted({cell.row for cell in texts})[:SHOWN_ROWS])
         findings.append(ReadFinding("text_cells", text, len(texts), shown))
@@ -112,7 +112,8 @@ def _backward(
     places = rows[back + 1]
     shown = _shown(places)
     step_s = t_s[back[0] + 1] - t_s[back[0]]
-    text = f"time steps back {counted(back.size, 'time')}, the first: row {shown[0]}, by {-step_s:.4g} s"
+    times = counted(back.size, "time")
+    text = f"time steps back {times}, the first: row {shown[0]}, by {-step_s:.4g} s"
     if is_part:
         kept = rows[keep]
         text += (

@@ -41,8 +41,8 @@ def sampling_findings(t_s: FloatArray) -> list[ReadFinding]:
         return []
     widest = int(gaps[np.argmax(steps_s[gaps])])
     text = (
-        f"{counted(gaps.size, 'gap')} in time, the longest {steps_s[widest]:.4g} s at {t_s[widest]:.6g} s "
-        f"(usual step {usual_s:.4g} s)"
+        f"{counted(gaps.size, 'gap')} in time, the longest {steps_s[widest]:.4g} s "
+        f"at {t_s[widest]:.6g} s (usual step {usual_s:.4g} s)"
     )
     shown = tuple(int(k) + 1 for k in gaps[:5])
     return [ReadFinding("gaps", text, int(gaps.size), shown)]
