@@ -13,7 +13,7 @@ from cantools.database.can import Database, Message
 
 from comms.errors import LogError
 from rig.analysis.readers.can_trace import read_trace
-from rig.analysis.readers.errors import UnreadableData, list_names
+from rig.analysis.readers.errors import UnreadableData, counted, list_names
 from rig.analysis.readers.file_kind import FileKind
 from rig.analysis.readers.signal_record import FloatArray, ReadFinding, ReadOptions
 from rig.analysis.readers.table import SignalColumn, SignalTable
@@ -162,6 +162,6 @@ def _findings(frames: _Frames, undecoded: int) -> list[ReadFinding]:
     if frames.damage:
         findings.append(ReadFinding("damaged", f"{frames.damage}; what is before it is used"))
     if undecoded:
-        text = f"{undecoded} frames do not fit the DBC file; they are left out"
+        text = f"{counted(undecoded, 'frame')} of another form than in the DBC file; left out"
         findings.append(ReadFinding("undecoded", text, undecoded))
     return findings

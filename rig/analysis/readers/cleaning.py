@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from rig.analysis.readers.errors import counted
 from rig.analysis.readers.signal_record import FloatArray, ReadFinding
 from rig.analysis.readers.table import BadCell
 
@@ -44,8 +45,8 @@ def _bad_cell_findings(cells: Sequence[BadCell], finite: BoolArray) -> list[Read
     if texts:
         first = texts[0]
         text = (
-            f"{len(texts)} cells with text, the first: row {first.row}, column {first.column + 1}, "
-            f"'{first.text[:SHOWN_CHARACTERS]}'; the rows are left out"
+            f"{counted(len(texts), 'cell')} with text, the first: row {first.row}, "
+            f"column {first.column + 1}, '{first.text[:SHOWN_CHARACTERS]}'; left out"
         )
         shown = tuple(sorted({cell.row for cell in texts})[:SHOWN_ROWS])
         findings.append(ReadFinding("text_cells", text, len(texts), shown))
@@ -56,8 +57,8 @@ def _bad_cell_findings(cells: Sequence[BadCell], finite: BoolArray) -> list[Read
     if rows.size:
         shown = _shown(rows)
         text = (
-            f"{rows.size} rows without a finite number (empty, NaN or infinite), "
-            f"the first: row {shown[0]}; they are left out"
+            f"{counted(rows.size, 'row')} without a finite number (empty, NaN or infinite), "
+            f"the first: row {shown[0]}; left out"
         )
         findings.append(ReadFinding("non_finite", text, int(rows.size), shown))
     return findings
@@ -85,7 +86,7 @@ def _repeats(rows: npt.NDArray[np.int64], total: int) -> list[ReadFinding]:
     if not rows.size:
         return []
     shown = _shown(rows)
-    text = f"{rows.size} repeated stamps, the first: row {shown[0]}; the rows are left out"
+    text = f"{counted(rows.size, 'repeated stamp')}, the first: row {shown[0]}; left out"
     if rows.size > COARSE_SHARE * total:
         text += "; the clock is coarser than the sampling: better give --rate HZ"
     return [ReadFinding("repeated_stamps", text, int(rows.size), shown)]
@@ -111,7 +112,8 @@ def _backward(
     places = rows[back + 1]
     shown = _shown(places)
     step_s = t_s[back[0] + 1] - t_s[back[0]]
-    text = f"time steps back {back.size} times, the first: row {shown[0]}, by {-step_s:.4g} s"
+    times = counted(back.size, "time")
+    text = f"time steps back {times}, the first: row {shown[0]}, by {-step_s:.4g} s"
     if is_part:
         kept = rows[keep]
         text += (

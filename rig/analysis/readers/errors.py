@@ -20,6 +20,11 @@ def list_names(names: Sequence[str]) -> str:
     return f"{shown} and {left} more" if left > 0 else shown
 
 
+def counted(number: int, noun: str) -> str:
+    """Word a count: "1 row", "2 rows"."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
 def missing_extra(path: object, kind: str, package: str) -> UnreadableData:
     """Make the error for a kind of file whose package is not installed."""
     return UnreadableData(

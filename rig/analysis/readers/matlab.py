@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -9,27 +10,30 @@ from typing import Any
 
 import numpy as np
 import scipy.io
-from scipy.io.matlab import MatReadError
+from scipy.io.matlab import MatReadError, MatReadWarning, matfile_version
 
 from rig.analysis.readers.errors import UnreadableData, list_names, missing_extra
+from rig.analysis.readers.matlab_tags import check_tags
 from rig.analysis.readers.signal_record import FloatArray, ReadOptions
 from rig.analysis.readers.table import SignalColumn, SignalTable
 from rig.analysis.readers.units import split_header
 
 KIND = "MATLAB file"
 KIND_HDF5 = "MATLAB file v7.3"
+VERSION_5 = 1  # as scipy numbers it
 MAX_COLUMNS = 64  # of a matrix: a wider one is no set of signals
 RATE_NAMES = {"fs", "rate", "rate_hz", "samplerate", "sample_rate", "samplingrate", "fsample"}
 PERIOD_NAMES = {"dt", "ts", "deltat", "samplingtime", "sampletime", "sample_time"}
 DAMAGE = (
     MatReadError,
+    Warning,
     ValueError,
     TypeError,
     LookupError,
     OSError,
-    OverflowError,
+    RuntimeError,
+    ArithmeticError,
     MemoryError,
-    NotImplementedError,
     zlib.error,
 )
 
@@ -37,7 +41,13 @@ DAMAGE = (
 def read_matlab(path: Path, options: ReadOptions) -> SignalTable:
     """Read a .mat file of version 4 to 7; raises UnreadableData."""
     try:
-        variables = scipy.io.loadmat(path, squeeze_me=True, struct_as_record=False)
+        major, _ = matfile_version(path)
+        if major == VERSION_5:
+            check_tags(path.read_bytes())
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            warnings.simplefilter("ignore", MatReadWarning)  # a name that is there twice
+            variables = scipy.io.loadmat(path, squeeze_me=True, struct_as_record=False)
     except DAMAGE as error:
         raise UnreadableData(
             f"{path}: {KIND} that cannot be read ({_reason(error)}): damaged, save it again"
@@ -58,7 +68,8 @@ def read_hdf5(path: Path, options: ReadOptions) -> SignalTable:
     arrays: dict[str, Any] = {}
 
     def keep(name: str, item: Any) -> None:
-        if isinstance(item, h5py.Dataset) and not name.startswith("#"):
+        is_text = item.attrs.get("MATLAB_class") in ("char", b"char")
+        if isinstance(item, h5py.Dataset) and not name.startswith("#") and not is_text:
             arrays[name.replace("/", ".")] = np.squeeze(np.asarray(item[()]))
 
     try:

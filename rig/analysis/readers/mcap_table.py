@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
 
 import msgspec
 from mcap.exceptions import McapError
@@ -31,21 +31,32 @@ ROS2 = "cdr"
 Fields = Mapping[str, int | float]
 
 
-class _Topic(NamedTuple):
-    """Messages of one topic."""
+@dataclass
+class _Topic:
+    """Messages of one topic; all of them where it is wanted, else the first alone."""
 
     name: str
     encoding: str
     schema: Schema | None
-    messages: list[Message]
+    messages: list[Message] = field(default_factory=list)
+    count: int = 0  # in the file
+
+    def add(self, message: Message, wanted: str) -> None:
+        """Count a message, and keep it if it is wanted or the first."""
+        self.count += 1
+        if self.name == wanted or self.count == 1:
+            self.messages.append(message)
 
 
 def read_mcap(path: Path, options: ReadOptions) -> SignalTable:
     """Read the fields of one topic; raises UnreadableData and ConfigError naming the topics."""
     if _profile(path) == OWN_PROFILE:
         return read_own_log(path, options)
-    topics, damage = _read_topics(path)
+    topics, damage = _read_topics(path, options.topic)
     topic = _topic(path, topics, damage, options)
+    if topic.name != options.topic:
+        topics, damage = _read_topics(path, topic.name)
+        topic = next(other for other in topics if other.name == topic.name)
     rows = _decode(path, topic)
     log_ns = [message.log_time for message in topic.messages]
     columns, origin_s = _columns(rows, log_ns)
@@ -71,8 +82,11 @@ def _profile(path: Path) -> str:
     return first.profile if isinstance(first, Header) else ""
 
 
-def _read_topics(path: Path) -> tuple[list[_Topic], str]:
-    """Read all messages by topic without the index of the file; and the damage in words."""
+def _read_topics(path: Path, wanted: str) -> tuple[list[_Topic], str]:
+    """Read the topics without the index of the file; and the damage in words.
+
+    wanted: topic of which all messages are kept.
+    """
     schemas: dict[int, Schema] = {}
     topics: dict[str, _Topic] = {}
     names: dict[int, str] = {}
@@ -83,11 +97,11 @@ def _read_topics(path: Path) -> tuple[list[_Topic], str]:
                     schemas[record.id] = record
                 elif isinstance(record, Channel):
                     schema = schemas.get(record.schema_id)
-                    topic = _Topic(record.topic, record.message_encoding, schema, [])
+                    topic = _Topic(record.topic, record.message_encoding, schema)
                     topics.setdefault(record.topic, topic)
                     names[record.id] = record.topic
                 elif isinstance(record, Message):
-                    topics[names[record.channel_id]].messages.append(record)
+                    topics[names[record.channel_id]].add(record, wanted)
     except DAMAGE_ERRORS as error:
         return _filled(topics), f"cut short ({type(error).__name__})"
     return _filled(topics), ""
@@ -99,7 +113,7 @@ def _filled(topics: dict[str, _Topic]) -> list[_Topic]:
 
 def _topic(path: Path, topics: list[_Topic], damage: str, options: ReadOptions) -> _Topic:
     """Choose the topic: the wanted one, or the only one that can be decoded."""
-    found = [f"{topic.name} ({topic.encoding}, {len(topic.messages)})" for topic in topics]
+    found = [f"{topic.name} ({topic.encoding}, {topic.count})" for topic in topics]
     listing = f"topics found: {list_names(found) or 'none'}"
     wanted = [topic for topic in topics if topic.name == options.topic]
     readable = [topic for topic in topics if topic.encoding in (JSON, ROS2)]
@@ -123,7 +137,7 @@ def _topic(path: Path, topics: list[_Topic], damage: str, options: ReadOptions) 
 def _hint(path: Path, topics: Sequence[_Topic]) -> str:
     """Word the options for the first topic that has a field beside its stamps."""
     for topic in topics:
-        first = _decode(path, topic._replace(messages=topic.messages[:1]))
+        first = _decode(path, topic)
         fields = [name for name in first[0] if not is_time_name(name) and "stamp" not in name]
         if fields:
             return f"--topic {topic.name} --field {fields[0]}"

@@ -32,9 +32,10 @@ def read_signal(path: Path, options: ReadOptions | None = None) -> SignalRecord:
     """
     options = options or ReadOptions()
     table = read_table(path, options)
-    axis = time_axis(path, table, options)
-    choice = choose_signal(path, table, axis, options)
-    return _record(path, table, axis, choice)
+    with np.errstate(over="ignore", invalid="ignore"):  # of damaged numbers near 1e308
+        axis = time_axis(path, table, options)
+        choice = choose_signal(path, table, axis, options)
+        return _record(path, table, axis, choice)
 
 
 def _record(path: Path, table: SignalTable, axis: TimeAxis, choice: SignalChoice) -> SignalRecord:

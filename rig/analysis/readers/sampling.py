@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from rig.analysis.readers.errors import counted
 from rig.analysis.readers.signal_record import FloatArray, ReadFinding
 
 GAP_STEPS = 1.5  # a longer step is a gap
@@ -40,8 +41,8 @@ def sampling_findings(t_s: FloatArray) -> list[ReadFinding]:
         return []
     widest = int(gaps[np.argmax(steps_s[gaps])])
     text = (
-        f"{gaps.size} gaps in time, the longest {steps_s[widest]:.4g} s at {t_s[widest]:.6g} s "
-        f"(usual step {usual_s:.4g} s)"
+        f"{counted(gaps.size, 'gap')} in time, the longest {steps_s[widest]:.4g} s "
+        f"at {t_s[widest]:.6g} s (usual step {usual_s:.4g} s)"
     )
     shown = tuple(int(k) + 1 for k in gaps[:5])
     return [ReadFinding("gaps", text, int(gaps.size), shown)]

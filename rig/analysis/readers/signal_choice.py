@@ -49,6 +49,11 @@ def choose_signal(
     if wanted:
         option = "signal" if options.signal else "field"
         column = marks.find_column(table, wanted, option)
+        if column == axis.column and options.rate_hz is None:
+            raise ConfigError(
+                f"--{option} {wanted}: column {table.label(column)} is the time; must be another "
+                f"one ({table.listing}): leave it out, or set --time too"
+            )
         unit, source = _unit(table, column, options)
         return SignalChoice(column, unit, source, ())
     candidates = _candidates(table, axis)

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
-from rig.analysis.readers.errors import UnreadableData
+from rig.analysis.readers.errors import UnreadableData, counted
 from rig.analysis.readers.file_kind import HEAD_BYTES
 from rig.analysis.readers.signal_record import ReadFinding
 from rig.analysis.readers.table import SignalColumn, SignalTable
@@ -16,7 +16,7 @@ from rig.analysis.readers.text_header import named_rate, unit_hint
 from rig.analysis.readers.text_layout import TextLayout, find_layout
 from rig.analysis.readers.text_numbers import TextNumbers, read_numbers
 
-BLOCK_BYTES = 1 << 22
+BLOCK_BYTES = 1 << 18  # one with a bad cell goes the slow way
 WIDE = {"utf-16-le": codecs.BOM_UTF16_LE, "utf-16-be": codecs.BOM_UTF16_BE}
 SAMPLE_LINES = 400
 SHOWN_CHARACTERS = 60
@@ -69,7 +69,10 @@ def _ragged(rows: list[int], columns: int) -> list[ReadFinding]:
     if not rows:
         return []
     shown = tuple(rows[:SHOWN_ROWS])
-    text = f"{len(rows)} rows with another number of cells than {columns}, the first: row {rows[0]}"
+    text = (
+        f"{counted(len(rows), 'row')} with another number of cells than {columns}, "
+        f"the first: row {rows[0]}"
+    )
     return [ReadFinding("ragged_rows", text, len(rows), shown)]
 
 

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import csv
 import io
+import struct
 import zipfile
+import zlib
 from collections.abc import Iterable, Sequence
+from contextlib import closing
 from dataclasses import replace
 from datetime import datetime, time
 from pathlib import Path
@@ -20,6 +23,22 @@ from rig.errors import ConfigError
 KIND = "Excel workbook"
 DELIMITER = "\t"
 HEAD = 1 << 16
+DAMAGE = (
+    ValueError,
+    TypeError,
+    LookupError,
+    AttributeError,
+    AssertionError,
+    ArithmeticError,
+    OSError,
+    EOFError,
+    SyntaxError,  # of XML
+    RuntimeError,
+    MemoryError,
+    zipfile.BadZipFile,
+    zlib.error,
+    struct.error,
+)
 
 
 def read_xlsx(path: Path, options: ReadOptions) -> SignalTable:
@@ -29,16 +48,13 @@ def read_xlsx(path: Path, options: ReadOptions) -> SignalTable:
     except ImportError:
         raise missing_extra(path, f"{KIND} (.xlsx)", "openpyxl") from None
     try:
-        book = openpyxl.load_workbook(path, read_only=True, data_only=True)
-    except (ValueError, KeyError, OSError, zipfile.BadZipFile, SyntaxError) as error:
+        with closing(openpyxl.load_workbook(path, read_only=True, data_only=True)) as book:
+            sheets = {sheet.title: sheet for sheet in book.worksheets}
+            tables = {}
+            for name in _wanted(path, list(sheets), options):
+                tables[name] = list(sheets[name].iter_rows(values_only=True))
+    except DAMAGE as error:
         raise _damaged(path, error) from error
-    try:
-        sheets = {sheet.title: sheet for sheet in book.worksheets}
-        tables = {}
-        for name in _wanted(path, list(sheets), options):
-            tables[name] = list(sheets[name].iter_rows(values_only=True))
-    finally:
-        book.close()
     return _first_table(path, tables)
 
 
@@ -50,7 +66,7 @@ def read_xls(path: Path, options: ReadOptions) -> SignalTable:
         raise missing_extra(path, f"{KIND} (.xls)", "xlrd") from None
     try:
         book = xlrd.open_workbook(path, logfile=io.StringIO())
-    except (xlrd.XLRDError, ValueError, KeyError, IndexError, AssertionError) as error:
+    except (xlrd.XLRDError, xlrd.compdoc.CompDocError, *DAMAGE) as error:
         raise _damaged(path, error) from error
     tables = {}
     for name in _wanted(path, book.sheet_names(), options):

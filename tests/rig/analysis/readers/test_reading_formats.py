@@ -1,8 +1,10 @@
 """Files of other programs: MATLAB, Excel and phyphox, written without the readers."""
 
 import importlib.util
+import random
 import sys
 import zipfile
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -72,11 +74,14 @@ def test_a_matlab_file_of_version_7_3_is_read(tmp_path):
     with h5py.File(path, "w", userblock_size=512) as file:
         file["t"] = T_S[np.newaxis, :]
         file["run/angle_rad"] = ANGLE_RAD[np.newaxis, :]
+        file["run/note"] = np.arange(70, 130, dtype=np.uint16)[:, np.newaxis]
+        file["run/note"].attrs["MATLAB_class"] = b"char"
     data = bytearray(path.read_bytes())
     data[:19] = b"MATLAB 7.3 MAT-file"
     path.write_bytes(data)
     record = read_signal(path)
     assert record.kind == "MATLAB file v7.3"
+    assert len(record.columns) == 2
     assert record.signal_source == "column 1 'run.angle_rad'"
     assert np.array_equal(record.values, ANGLE_RAD)
 
@@ -180,3 +185,60 @@ def test_a_phyphox_experiment_without_data_is_refused(tmp_path):
     path.write_text(experiment(init=False))
     with pytest.raises(UnreadableData, match="without data"):
         read_signal(path)
+
+
+def damaged(data, rng):
+    """Cut a file short, or change some of its bytes."""
+    broken = bytearray(data)
+    if rng.random() < 0.4:
+        return bytes(broken[: rng.randrange(1, len(broken))])
+    for _ in range(rng.choice([1, 3, 30])):
+        broken[rng.randrange(len(broken))] = rng.randrange(256)
+    return bytes(broken)
+
+
+def matlab_file(path):
+    """Write a MATLAB file with vectors, a structure, a cell and complex numbers."""
+    log = {"t": T_S, "y": ANGLE_RAD, "name": "swing", "cell": [1, "x"]}
+    scipy.io.savemat(path, {"log": log, "spectrum": 1j * T_S})
+
+
+def workbook_xlsx(path):
+    """Write a workbook of two columns."""
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    for row in zip(T_S.tolist(), ANGLE_RAD.tolist(), strict=True):
+        book.active.append(row)
+    book.save(path)
+
+
+def workbook_xls(path):
+    """Write an old workbook of two columns."""
+    pytest.importorskip("xlrd")
+    write_xls(path, "Data", list(zip(T_S.tolist(), ANGLE_RAD.tolist(), strict=True)))
+
+
+def archive(path):
+    """Write an archive with one table."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file:
+        file.writestr("Raw Data.csv", phyphox_csv())
+
+
+@pytest.mark.parametrize(
+    ("name", "write"),
+    [
+        ("a.mat", matlab_file),
+        ("a.xlsx", workbook_xlsx),
+        ("a.xls", workbook_xls),
+        ("a.zip", archive),
+    ],
+)
+def test_a_damaged_file_ends_in_a_record_or_a_message(tmp_path, name, write):
+    path = tmp_path / name
+    write(path)
+    data = path.read_bytes()
+    rng = random.Random(1)
+    for _ in range(60):
+        path.write_bytes(damaged(data, rng))
+        with suppress(UnreadableData):
+            assert read_signal(path, ReadOptions(rate_hz=100.0)).values.size
