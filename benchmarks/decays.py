@@ -61,7 +61,7 @@ class Swing:
         return x + self.cubic * x**3
 
     @cached_property
-    def solution(self):  # noqa: ANN201
+    def solution(self):
         """Dense solution over one period more than the record."""
         w = 2 * math.pi * FREQUENCY_HZ
         friction = self.friction * w * w
@@ -96,10 +96,7 @@ class Swing:
 
         loop = quad(speed, 0, math.pi / 2)[0]
         square = quad(lambda x: 2 * energy(x), 0, amplitude)[0]
-        return (
-            self.damping_ratio
-            + (self.drag * square + self.friction * amplitude) / (2 * loop)
-        )
+        return self.damping_ratio + (self.drag * square + self.friction * amplitude) / (2 * loop)
 
 
 def record(
