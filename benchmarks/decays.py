@@ -61,7 +61,7 @@ class Swing:
         return x + self.cubic * x**3
 
     @cached_property
-    def solution(self):  # noqa: ANN201
+    def solution(self):
         """Dense solution over one period more than the record."""
         w = 2 * math.pi * FREQUENCY_HZ
         friction = self.friction * w * w

@@ -36,6 +36,9 @@ def envelope_with_terms(tau: FloatArray, numbers: FloatArray, *, elliptic: bool)
     B = np.maximum(at_nodes(numbers), 0.0)
     slopes = derivative(at_nodes, numbers)
     slopes[B == 0] = 0.0
+    if not np.isfinite(slopes).all():  # a step far beyond any decay: its cost is no number
+        nothing = np.full((tau.size, numbers.size), np.nan)
+        return Envelope(nothing[:, 0], nothing, nothing[:, 0], nothing)
     curves = CubicSpline(nodes, np.column_stack([B, slopes]))(tau)
     amplitude, amplitude_slopes = np.maximum(curves[:, 0], 0.0), curves[:, 1:]
     if not elliptic:

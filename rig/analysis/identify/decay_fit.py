@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from rig.analysis.identify.decay_model import (
     DAMPING_TERMS,
+    MODE_SIZE,
     TERMS,
     DecayModel,
     Layout,
@@ -23,6 +24,7 @@ from rig.analysis.identify.sampled import Sampled, noise_rms
 
 FloatArray = npt.NDArray[np.float64]
 
+EXACT = 2e-6  # residual over the range of the values; the closed model is this exact at 0.3 rad
 SPIKE_SIGMA = 6.0
 MAX_SPIKES = 0.1  # of the samples
 
@@ -55,6 +57,11 @@ class DecayFit:
         """Variance of a sample about the model."""
         degrees = max(1.0, self.residual.size - self.layout.size * self.record.correlated_frames)
         return float(self.residual @ self.residual) / degrees
+
+    @property
+    def is_exact(self) -> bool:
+        """Tell if the model leaves no more than its own error: a computed record."""
+        return math.sqrt(self.variance) < EXACT * float(np.ptp(self.record.values))
 
     @property
     def criterion(self) -> float:
@@ -129,7 +136,7 @@ def without_spikes(found: DecayFit) -> DecayFit:
 
     record = found.record
     width = 2 * record.correlated_frames + 3
-    slow = median_filter(found.residual, width, mode="nearest")
+    slow = median_filter(found.residual, width, mode="mirror")
     noise = max(found.residual_noise(), record.quantum / math.sqrt(12))
     is_spike = np.abs(found.residual - slow) > SPIKE_SIGMA * noise
     count = int(np.count_nonzero(is_spike))
@@ -138,7 +145,7 @@ def without_spikes(found: DecayFit) -> DecayFit:
     kept = record.kept(np.flatnonzero(~is_spike))
     shift_s = float(kept.t_s[0] - record.t_s[0])
     again = refit(found, kept, advanced(found.p, found.layout, shift_s))
-    return DecayFit(**{**again.__dict__, "dropped": found.dropped + count})
+    return replace(again, dropped=found.dropped + count)
 
 
 def with_term(found: DecayFit, term: str) -> DecayFit:
@@ -153,6 +160,17 @@ def with_term(found: DecayFit, term: str) -> DecayFit:
     return fit(found.record, layout, start, elliptic=found.elliptic, is_large=found.is_large)
 
 
+def strongest_first(found: DecayFit) -> DecayFit:
+    """Order the modes by their energy over the window."""
+    amplitudes = [found.model.amplitude(found.p, k, found.tau) for k in range(found.layout.modes)]
+    order = np.argsort([-float(amplitude @ amplitude) for amplitude in amplitudes], kind="stable")
+    if np.array_equal(order, np.arange(order.size)):
+        return found
+    columns = (MODE_SIZE * order[:, None] + np.arange(MODE_SIZE)).ravel()
+    columns = np.concatenate([columns, np.arange(found.layout.offset, found.layout.size)])
+    return replace(found, p=found.p[columns], jacobian=found.jacobian[:, columns])
+
+
 def term_gains(found: DecayFit) -> dict[str, float]:
     """Estimate by how many variances each absent term reduces the squares: a score test.
 
@@ -161,8 +179,6 @@ def term_gains(found: DecayFit) -> dict[str, float]:
     gains = {}
     for term in TERMS:
         is_absent = term not in found.layout.terms
-        if term == "trend_squared" and "trend" not in found.layout.terms:
-            continue
         if is_absent and (found.layout.modes == 1 or term not in DAMPING_TERMS):
             gain, step = _score(found, found.layout.with_term(term))
             if term not in DAMPING_TERMS or step > 0:

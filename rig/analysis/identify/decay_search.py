@@ -7,7 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from rig.analysis.identify.decay_fit import DecayFit, refit
+from rig.analysis.identify.decay_fit import DecayFit, fit, refit
 from rig.analysis.identify.decay_window import (
     extended,
     faded_after,
@@ -24,16 +24,18 @@ from rig.analysis.identify.refusals import (
     refuse_large_unit,
     refuse_spliced,
 )
-from rig.analysis.identify.sampled import MIN_SAMPLES, Sampled, noise_rms, thinned
+from rig.analysis.identify.sampled import MIN_SAMPLES, Sampled, thinned
 from rig.analysis.identify.spectrum import line_amplitudes, strongest_frequency_hz
 from rig.analysis.identify.turning_points import TurningPoints, turning_points
 
 FloatArray = npt.NDArray[np.float64]
 
 SAMPLES_PER_PERIOD = 24  # kept of the highest line
+MIN_SAMPLES_PER_PERIOD = 6.0  # below which turning points cannot be seen: no window is sought
 MIN_THINNED = 2000  # samples; fewer are not worth thinning
 HIGHEST_LINE = 0.05  # of the strongest one
 LINE_OVER_NOISE = 10.0
+LINEAR_GAIN = 25.0  # variances that a linear oscillator fits better by, before it counts
 GOOD_RESIDUAL = 2.0  # times the noise: no reason to look for another window
 
 
@@ -43,9 +45,13 @@ def decay_of(record: Sampled, options: IdentifyOptions) -> tuple[DecayFit, list[
     refuse_clipped(record, frequency_hz)
     notes: list[Reason] = []
     record = _thinned(record, frequency_hz, notes)
-    refuse_spliced(record, frequency_hz)
+    if 1 / (frequency_hz * record.step_s) < MIN_SAMPLES_PER_PERIOD:
+        found = _window_fit(record, 0, record.values.size, options)
+        _note_cuts(found, record, notes)
+        return found, notes
     points = turning_points(record, frequency_hz)
     start = start_of_decay(points)
+    refuse_spliced(record.part(int(points.sample[start]), record.values.size), frequency_hz)
     refuse_growing(record, points, start)
     amplitude = float(points.half_swings[start])
     if options.is_pendulum:
@@ -53,24 +59,49 @@ def decay_of(record: Sampled, options: IdentifyOptions) -> tuple[DecayFit, list[
     if options.is_pendulum and amplitude > LARGE_RAD:
         found = large_fit(record, points, start, notes)
     else:
-        found = _closed_fit(record, points, start, options)
+        found = _closed_fit(record, points, start, options, notes)
     _note_cuts(found, record, notes)
     return found, notes
 
 
 def _closed_fit(
-    record: Sampled, points: TurningPoints, start: int, options: IdentifyOptions
+    record: Sampled,
+    points: TurningPoints,
+    start: int,
+    options: IdentifyOptions,
+    notes: list[Reason],
 ) -> DecayFit:
     """Fit by the closed model from the first large turning point on, to a rise where it helps."""
     first = int(points.sample[start])
+    if options.is_pendulum and record.values.size - first >= MIN_SAMPLES:
+        notes += kind_doubts(record.part(first, record.values.size))
     found = _window_fit(record, first, record.values.size, options)
-    stop = stop_before_rise(points, start, noise_rms(record.values))
+    stop = stop_before_rise(points, start)
     if stop is None or stop - first < 2 * MIN_SAMPLES:
         return found
     if math.sqrt(found.variance) < GOOD_RESIDUAL * found.residual_noise():
         return found
     shorter = _window_fit(record, first, stop, options)
     return shorter if shorter.variance < found.variance / 4 else found
+
+
+def kind_doubts(window: Sampled) -> list[Reason]:
+    """Doubt a pendulum in radians whose frequency does not follow the amplitude."""
+    pendulum = first_fit(window, elliptic=True)
+    linear = fit(window, pendulum.layout, pendulum.p, elliptic=False)
+    lost = float(pendulum.residual @ pendulum.residual - linear.residual @ linear.residual)
+    gain = lost / linear.variance / window.correlated_frames
+    if gain < LINEAR_GAIN:
+        return []
+    amplitude = float(pendulum.model.amplitude(pendulum.p, 0, np.zeros(1))[0])
+    return [
+        Reason(
+            "kind",
+            f"the frequency does not follow the amplitude of {amplitude:.3g} rad as that of a "
+            f"pendulum does (a linear oscillator fits better by {gain:.0f} variances): is the "
+            "unit radian, and is it a pendulum?",
+        )
+    ]
 
 
 def _window_fit(record: Sampled, first: int, stop: int, options: IdentifyOptions) -> DecayFit:

@@ -107,7 +107,7 @@ class Identification:
     rate_hz: float
     gaps: int
     window_s: tuple[float, float] | None = None
-    modes: tuple[Mode, ...] = ()  # strongest first
+    modes: tuple[Mode, ...] = ()  # most energy over the window first
     terms: tuple[str, ...] = ()  # of the model beside viscous damping and an offset
     offset: float | None = None
     small_amplitude_frequency_hz: float | None = None  # pendulum only

@@ -32,6 +32,8 @@ from rig.analysis.identify.spectrum import line_amplitudes, noise_excess
 from rig.analysis.identify.uncertainty import (
     ModelShare,
     ModeWithBudget,
+    damping_amplitude,
+    gain_drift_hz,
     mode_with_budget,
     root_sum,
 )
@@ -81,8 +83,11 @@ def _identification(
     noise = noise_floor(found, record.quantum)
     refuse_wrong_fit(found, noise)
     frequency_hz = found.model.natural(found.p, 0)[0] / (2 * math.pi)
-    reasons = residual_reasons(found, noise)
-    doubts, *share = half_reasons(found)
+    reasons = [note for note in notes if note.is_doubt] + residual_reasons(found, noise)
+    at = damping_amplitude(found, 0)
+    doubts, *share = half_reasons(
+        found, gain_drift_hz(found, frequency_hz, at, options.gain_drift_rel)
+    )
     reasons += doubts + clock_reasons(found.record, frequency_hz)
     ranked = _modes(found, options, ModelShare(share[0], share[1], len(reasons)))
     modes = tuple(entry.mode for entry in ranked)
@@ -101,7 +106,7 @@ def _identification(
     return Identification(
         verdict="doubtful" if reasons else "good",
         reasons=tuple(reasons),
-        notes=tuple(notes),
+        notes=tuple(note for note in notes if not note.is_doubt),
         kind=_kind(options),
         unit=options.unit,
         samples=record.t_s.size,
@@ -124,9 +129,8 @@ def _identification(
 
 
 def _modes(found: DecayFit, options: IdentifyOptions, share: ModelShare) -> list[ModeWithBudget]:
-    """Compute the modes, strongest at the start of the window first."""
-    modes = [mode_with_budget(found, k, options, share) for k in range(found.layout.modes)]
-    return sorted(modes, key=lambda entry: -entry.mode.amplitude)
+    """Compute the modes, the one of most energy over the window first."""
+    return [mode_with_budget(found, k, options, share) for k in range(found.layout.modes)]
 
 
 def _traces(found: DecayFit, decomposed: Pencil) -> Traces:

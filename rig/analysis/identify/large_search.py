@@ -20,11 +20,32 @@ FloatArray = npt.NDArray[np.float64]
 
 LARGE_RAD = 0.3  # where the equation is integrated instead of its series
 FIRST_PERIODS = 3.0
+MAX_LATER = 5  # periods
+MIN_HALF_SWINGS = 7  # after a later start
+GOOD_RESIDUAL = 3.0  # times the noise
 MAX_PERIODS = 100.0  # integration costs time in proportion; the largest swings say most
 
 
 def large_fit(record: Sampled, points: TurningPoints, start: int, notes: list[Reason]) -> DecayFit:
-    """Fit the integrated pendulum from a turning point on; raises RefusedError when too short."""
+    """Fit the integrated pendulum from a turning point on; raises RefusedError when too short.
+
+    A start a period later is taken where it leaves less than half: no hand or latch is in it.
+    """
+    found = _fit_from(record, points, start, notes)
+    for _ in range(MAX_LATER):
+        start += 2
+        if points.sample.size - start < MIN_HALF_SWINGS:
+            break
+        if math.sqrt(found.variance) < GOOD_RESIDUAL * found.residual_noise():
+            break
+        later = _fit_from(record, points, start, [])
+        if later.variance > found.variance / 4:
+            break
+        found = later
+    return found
+
+
+def _fit_from(record: Sampled, points: TurningPoints, start: int, notes: list[Reason]) -> DecayFit:
     p = _start(points, start)
     first = int(points.sample[start])
     period_s = 2 * math.pi / p[0]

@@ -15,7 +15,7 @@ ComplexArray = npt.NDArray[np.complex128]
 
 MAX_GRID = 420  # samples; beyond it the singular values cost more than the fit
 MAX_DAMPING_RATIO = 0.6
-MIN_PERIODS = 0.4  # of a pole inside the record; less is a drift
+MIN_PERIODS = 0.6  # of a pole inside the record; less is a drift
 HIGHEST_ORDER = 12  # of the stabilisation diagram
 
 

@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
-from rig.analysis.identify.decay_fit import DecayFit, fit, term_gains, with_term, without_spikes
-from rig.analysis.identify.decay_model import MODE_SIZE, Layout
+from rig.analysis.identify.decay_fit import (
+    DecayFit,
+    fit,
+    strongest_first,
+    term_gains,
+    with_term,
+    without_spikes,
+)
+from rig.analysis.identify.decay_model import MODE_SIZE, Layout, mode_sum
 from rig.analysis.identify.matrix_pencil import Pencil, Pole, pencil, poles
 from rig.analysis.identify.sampled import Sampled
 from rig.analysis.identify.spectrum import strongest_frequency_hz
@@ -18,7 +26,10 @@ FloatArray = npt.NDArray[np.float64]
 SAMPLES_PER_PERIOD = 24.0  # of the pencil's grid
 MIN_GAIN = 16.0  # variances; a term of noise reaches it once in 16,000
 MIN_MODE_GAIN = 40.0  # variances, of the four parameters of a mode
+MIN_NEW_PERIODS = 1.0  # of a mode beside the first; less is a drift
+MAX_EXTRA_DAMPING = 0.25  # damping ratio; more is a transient, not a mode
 MAX_STEPS = 8
+MANY_SAMPLES = 20_000
 
 
 def first_fit(record: Sampled, *, elliptic: bool) -> DecayFit:
@@ -38,15 +49,16 @@ def search(found: DecayFit, modes: int | None, highest: int) -> DecayFit:
     found = without_spikes(found)
     highest = highest if modes is None else modes
     for _ in range(MAX_STEPS):
-        candidates = _larger(found, highest)
+        candidates = [] if found.is_exact and modes is None else _larger(found, highest)
         if not candidates:
             break
-        best = min(candidates, key=_criterion)
+        gains = [_gain_per_parameter(found, larger) for larger in candidates]
+        best = candidates[int(np.argmax(gains))]
         must = modes is not None and best.layout.modes > found.layout.modes
         if not must and best.criterion > found.criterion - 2:
             break
         found = without_spikes(best)
-    return found
+    return strongest_first(found)
 
 
 def _larger(found: DecayFit, highest: int) -> list[DecayFit]:
@@ -85,17 +97,35 @@ def _with_mode(found: DecayFit) -> list[DecayFit]:
             starts.append(start)
     line_hz = strongest_frequency_hz(found.record, found.residual)
     extra = _sinusoid(found.record, [line_hz], found.residual)
-    if extra is not None:
+    if extra is not None and line_hz * found.record.duration_s > MIN_NEW_PERIODS:
         modes = found.p[: MODE_SIZE * (count - 1)]
         starts.append(np.concatenate([modes, extra[:MODE_SIZE], [found.p[found.layout.offset]]]))
     drifts = tuple(term for term in found.layout.terms if term.startswith("trend"))
     layout = Layout(count, drifts)
-    fits = []
-    for start in starts:
-        whole = np.append(start, np.zeros(len(drifts)))
-        if layout.is_decay(whole):
-            fits.append(fit(found.record, layout, whole, elliptic=found.elliptic))
-    return [larger for larger in fits if _gain(found, larger) > MIN_MODE_GAIN]
+    drift = np.zeros(len(drifts))
+    whole = [np.append(start, drift) for start in starts]
+    whole = [start for start in whole if layout.is_decay(start)]
+    if found.record.values.size > MANY_SAMPLES:
+        whole = _best_starts(found, layout, whole)
+    fits = [fit(found.record, layout, start, elliptic=found.elliptic) for start in whole]
+    return [larger for larger in fits if _is_mode_gained(found, larger)]
+
+
+def _best_starts(found: DecayFit, layout: Layout, starts: list[FloatArray]) -> list[FloatArray]:
+    """Keep the start of least squares where a fit of each would take long."""
+    model = mode_sum(found.record, layout, elliptic=found.elliptic)
+    costs = [float(np.sum((found.record.values - model(start)[0]) ** 2)) for start in starts]
+    return [starts[int(np.argmin(costs))]] if starts else []
+
+
+def _is_mode_gained(found: DecayFit, larger: DecayFit) -> bool:
+    """Tell if a mode more explains the record better, and none but the first dies at once."""
+    ordered = strongest_first(larger)
+    for k in range(1, ordered.layout.modes):
+        w0, decay = ordered.model.natural(ordered.p, k)
+        if abs(decay) > MAX_EXTRA_DAMPING * w0:
+            return False
+    return _gain(found, larger) > MIN_MODE_GAIN
 
 
 def _from_poles(record: Sampled, decomposed: Pencil, order: int, count: int) -> FloatArray | None:
@@ -132,7 +162,7 @@ def _sinusoid(
 ) -> FloatArray | None:
     """Make a start of undamped sinusoids."""
     if values is not None:
-        record = Sampled(**{**record.__dict__, "values": values})
+        record = replace(record, values=values)
     return _damped(record, [Pole(hz, 0.0, 0.0, 0.0) for hz in frequencies_hz])
 
 
@@ -141,9 +171,9 @@ def _gain(found: DecayFit, larger: DecayFit) -> float:
     return (_cost(found) - _cost(larger)) / larger.variance / found.record.correlated_frames
 
 
+def _gain_per_parameter(found: DecayFit, larger: DecayFit) -> float:
+    return _gain(found, larger) / (larger.layout.size - found.layout.size)
+
+
 def _cost(found: DecayFit) -> float:
     return float(found.residual @ found.residual)
-
-
-def _criterion(found: DecayFit) -> float:
-    return found.criterion

@@ -17,7 +17,9 @@ MIN_FLAT = 5  # equal values in a row at the limit
 FLAT_FACTOR = 2.0  # over what the quantum explains
 MIN_SIDE = 4  # samples on each side of a jump
 JUMP_NOISE = 10.0
-JUMP_SLOW = 6.0  # over the median of the same measure, which the swing itself gives
+JUMP_SLOW = 3.0  # over the same measure elsewhere, which the swing itself gives
+PLACES = 16  # of a record that one jump disturbs
+LONG_MEDIAN_FROM = 60  # samples per period
 MAX_GROWTH = 1.3  # of the envelope, where its largest value stands at the end
 GROWTH_PERIODS = 3  # half swings that rise before it
 
@@ -53,17 +55,20 @@ def refuse_spliced(record: Sampled, frequency_hz: float) -> None:
     samples_per_period = 1 / (frequency_hz * record.step_s)
     if record.values.size < 4 * MIN_SIDE or samples_per_period < 4 * MIN_SIDE:
         return
-    y = median_filter(record.values, 5, mode="nearest")
+    width = 9 if samples_per_period > LONG_MEDIAN_FROM else 5
+    y = median_filter(record.values, width, mode="mirror")
     u = np.arange(MIN_SIDE)
     weights = np.linalg.pinv(np.stack([np.ones(MIN_SIDE), u + 0.5], axis=-1))[0]
     before = np.convolve(y, weights, "valid")[:-MIN_SIDE]  # window reversed: nearest first
     after = np.correlate(y, weights, "valid")[MIN_SIDE:]
     jump = after - before
     even = np.ptp(_sliding_steps(record.t_s), axis=-1) < 0.5 * record.step_s
+    even[:width] = False  # the median at an end takes samples from one side alone
+    even[-width:] = False
     size = np.where(even, np.abs(jump), 0.0)
     noise = noise_rms(record.values, record.correlated_frames) * math.sqrt(2 * weights @ weights)
     largest = int(np.argmax(size))
-    usual = float(np.median(size[even])) if even.any() else math.inf
+    usual = _usual(size[even])
     if size[largest] > max(JUMP_NOISE * noise, JUMP_SLOW * usual, 2 * record.quantum):
         at_s = float(record.t_s[largest + MIN_SIDE])
         raise RefusedError(
@@ -96,6 +101,13 @@ def refuse_large_unit(amplitude: float) -> None:
             f"a swing of {amplitude:.3g} rad is beyond the upright position (3.14 rad): "
             "are the values degrees? Give the unit",
         )
+
+
+def _usual(sizes: FloatArray) -> float:
+    """Find the largest size but for those that one jump makes; inf where there are too few."""
+    if sizes.size < 3 * PLACES:
+        return math.inf
+    return float(np.quantile(sizes, 1 - max(0.01, PLACES / sizes.size)))
 
 
 def _runs(flags: npt.NDArray[np.bool_]) -> list[int]:

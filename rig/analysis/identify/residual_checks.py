@@ -7,7 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from rig.analysis.identify.decay_fit import DecayFit
+from rig.analysis.identify.decay_fit import EXACT, DecayFit
 from rig.analysis.identify.identification import Reason
 from rig.analysis.identify.local_damping import half_shifts
 from rig.analysis.identify.sampled import Sampled, clock_doubt
@@ -23,18 +23,24 @@ MAX_SECOND_PEAK = 0.05  # of the amplitude
 LINE_OVER_NOISE = 6.0  # of a residual line over the rms line, before it counts
 MAX_HOLE_PERIODS = 0.5
 MAX_HOLES = 0.2  # of the window
-MAX_SPIKES = 0.03
+SLOW_STEP_S, SLOW_HZ = 1.0, 0.05  # beyond both, stamps are more likely milliseconds
 
 
 def noise_floor(found: DecayFit, quantum: float) -> float:
-    """White noise of the record: fourth differences of what is left, and the quantum's share."""
-    return max(found.residual_noise(), quantum / math.sqrt(12))
+    """White noise of the record: fourth differences of what is left, and the quantum's share.
+
+    Not below what the closed model leaves of an exact pendulum.
+    """
+    least = EXACT * float(np.ptp(found.record.values))
+    return max(found.residual_noise(), quantum / math.sqrt(12), least)
 
 
 def residual_reasons(found: DecayFit, noise: float) -> list[Reason]:
     """Judge size, whiteness and lines of the residual."""
-    reasons = []
+    reasons: list[Reason] = []
     rms = math.sqrt(found.variance)
+    if found.is_exact:
+        return reasons
     if rms > MAX_RESIDUAL_OVER_NOISE * noise:
         ratio = rms / max(noise, 1e-300)
         reasons.append(
@@ -64,20 +70,22 @@ def residual_reasons(found: DecayFit, noise: float) -> list[Reason]:
     return reasons
 
 
-def half_reasons(found: DecayFit) -> tuple[list[Reason], float, float]:
+def half_reasons(found: DecayFit, drift_hz: float) -> tuple[list[Reason], float, float]:
     """Compare both halves of the window; also the model's share of the uncertainty.
 
+    drift_hz: what the drift of the gain does to the frequency, sigma.
     Returns reasons, and half of the difference beyond two sigma of frequency [Hz] and damping.
     """
     halves = half_shifts(found)
-    if halves is None:
+    if halves is None or found.is_exact:
         return [], 0.0, 0.0
     reasons = []
     shares = []
+    known = (drift_hz, 0.0)
     names = (("frequency", "Hz"), ("damping ratio", ""))
-    for (name, unit), first, second in zip(names, *halves, strict=True):
+    for (name, unit), first, second, systematic in zip(names, *halves, known, strict=True):
         apart = abs(first.value - second.value)
-        sigma = math.hypot(first.sigma, second.sigma)
+        sigma = math.hypot(first.sigma, second.sigma, systematic)
         shares.append(math.sqrt(max(0.0, apart**2 - 4 * sigma**2)) / 2)
         if apart > MAX_HALF_SIGMAS * sigma:
             reasons.append(
@@ -93,6 +101,9 @@ def half_reasons(found: DecayFit) -> tuple[list[Reason], float, float]:
 def clock_reasons(record: Sampled, frequency_hz: float) -> list[Reason]:
     """Judge stamps and holes of the window."""
     reasons = []
+    if record.step_s > SLOW_STEP_S and frequency_hz < SLOW_HZ:
+        text = f"a sample every {record.step_s:.4g} s and a swing of {1 / frequency_hz:.4g} s"
+        reasons.append(Reason("rate", text + ": are the stamps milliseconds?"))
     irregular = clock_doubt(record)
     if irregular:
         reasons.append(Reason("clock", f"irregular stamps: {irregular}"))

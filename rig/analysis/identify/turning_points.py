@@ -23,6 +23,7 @@ class TurningPoints(NamedTuple):
     sample: npt.NDArray[np.intp]  # (K,) indices
     t_s: FloatArray
     values: FloatArray
+    noise: float  # of the smoothed values
 
     @property
     def half_swings(self) -> FloatArray:
@@ -37,7 +38,7 @@ def smoothed(record: Sampled, frequency_hz: float) -> FloatArray:
     width = int(1 / (SMOOTHED_PER_PERIOD * frequency_hz * record.step_s))
     values = record.values
     if width >= 2:
-        values = median_filter(values, 5, mode="nearest")
+        values = median_filter(values, 5, mode="mirror")
     return np.asarray(uniform_filter1d(values, max(1, width), mode="nearest"))
 
 
@@ -47,13 +48,14 @@ def turning_points(record: Sampled, frequency_hz: float) -> TurningPoints:
 
     y = smoothed(record, frequency_hz)
     width = max(1, int(1 / (SMOOTHED_PER_PERIOD * frequency_hz * record.step_s)))
-    noise = noise_rms(record.values) / math.sqrt(width)
+    frames = record.correlated_frames
+    noise = noise_rms(record.values, frames) / math.sqrt(max(1.0, width / frames))
     prominence = max(MIN_PROMINENCE_NOISE * noise, MIN_PROMINENCE_REL * float(np.ptp(y)))
     highs = find_peaks(y, prominence=prominence)[0]
     lows = find_peaks(-y, prominence=prominence)[0]
     index = np.sort(np.concatenate([[0], highs, lows])).astype(np.intp)
     index = _alternating(index, y)
-    return TurningPoints(index, record.t_s[index], y[index])
+    return TurningPoints(index, record.t_s[index], y[index], noise)
 
 
 def _alternating(index: npt.NDArray[np.intp], y: FloatArray) -> npt.NDArray[np.intp]:

@@ -92,6 +92,11 @@ def damping_amplitude(found: DecayFit, k: int) -> float:
     return float(np.sum(weight * amplitude) / max(float(np.sum(weight)), 1e-300))
 
 
+def gain_drift_hz(found: DecayFit, frequency_hz: float, at: float, drift_rel: float) -> float:
+    """Compute what a drift of the amplitude, zero at the start, does to a pendulum's frequency."""
+    return frequency_hz * at**2 / 8 * drift_rel / 2 if found.elliptic else 0.0
+
+
 def root_sum(values: Iterable[float]) -> float:
     """Compute the root of the sum of squares."""
     return math.sqrt(sum(value * value for value in values))
@@ -132,14 +137,25 @@ def _systematic_rows(
     rows = [
         BudgetRow("angle scale", scale, 0.0),
         BudgetRow("clock", frequency_hz * options.clock_ppm * 1e-6, 0.0),
-        BudgetRow("gain drift", 0.0, options.gain_drift_rel / (w0 * found.record.duration_s)),
+        BudgetRow(
+            "gain drift",
+            gain_drift_hz(found, frequency_hz, at, options.gain_drift_rel),
+            options.gain_drift_rel / (w0 * found.record.duration_s),
+        ),
     ]
     if found.elliptic and found.layout.modes > 1:
-        squares = 0.0
-        for mode in range(found.layout.modes):
-            squares += damping_amplitude(found, mode) ** 2
-        rows.append(BudgetRow("coupling", frequency_hz * squares / 16, 0.0))
+        rows.append(BudgetRow("coupling", frequency_hz * _coupling(found, k, at), 0.0))
     return rows
+
+
+def _coupling(found: DecayFit, k: int, at: float) -> float:
+    """Bound how far other modes change the frequency of mode k through the amplitude, relative.
+
+    Which share of the angle is one mode's is not known: A^2/16 of each, doubled for the others.
+    """
+    others = [damping_amplitude(found, n) for n in range(found.layout.modes) if n != k]
+    share = min(1.0, sum(others) / at)
+    return (2 * sum(other**2 for other in others) + share * at**2) / 16
 
 
 def _with_length(row: BudgetRow, frequency_hz: float, options: IdentifyOptions) -> BudgetRow:
