@@ -255,7 +255,7 @@ def read_experiment(name_or_path: str, overrides: list[str]) -> Experiment:
 
     Raises ConfigError naming section, key, value, bound and the nearest known key.
     """
-    tables = _read_tables(name_or_path)
+    tables = read_tables(name_or_path)
     links.rename(tables.get("links"))
     for text in overrides:
         override(tables, links.renamed(text))
@@ -277,7 +277,8 @@ def _toml_files(folder: str) -> list[str]:
     return sorted(name for name in names if name.endswith(".toml"))
 
 
-def _read_tables(name_or_path: str) -> dict[str, Any]:
+def read_tables(name_or_path: str) -> dict[str, Any]:
+    """Read the tables of an experiment by shipped name or TOML file; raises ConfigError."""
     path = Path(name_or_path)
     known = shipped()
     if name_or_path in known:

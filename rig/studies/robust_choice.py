@@ -9,7 +9,7 @@ import numpy as np
 from planners import catalog
 from planners.errors import PlanError
 from planners.models.pendulum import PendulumModel
-from planners.problem import Problem
+from planners.problem import Limits, Problem
 from planners.replay.wrong_parameters import residual_curve
 
 SIGMAS = (-2.0, -1.0, 0.0, 1.0, 2.0)
@@ -68,11 +68,13 @@ def choose_planner(
     *,
     distance_m: float = 0.2,
     time_s: float | None = None,
+    limits: Limits | None = None,
 ) -> RobustChoice:
     """Compare planners over the length +- 2 sigma; time_s None: 1.25 periods of the cable.
 
     The chosen one is the first of CANDIDATES whose residual swing stays below GOOD_RESIDUAL_RAD,
-    or the one with the smallest. Raises PlanError if no candidate can plan the move.
+    or the one with the smallest. A plan that exceeds a limit is left out. Raises PlanError if none
+    is left.
     """
     model = PendulumModel(length_m=length_m, damping_ratio=max(0.0, damping_ratio))
     period_s = 2.0 * np.pi * np.sqrt(length_m / model.gravity_m_s2)
@@ -83,12 +85,19 @@ def choose_planner(
     failure: PlanError | None = None
     for candidate in CANDIDATES:
         problem = Problem(
-            distance_m=distance_m, time_s=duration_s, model=model, robust=candidate.robust
+            distance_m=distance_m,
+            time_s=duration_s,
+            model=model,
+            robust=candidate.robust,
+            limits=limits or Limits(),
         )
         try:
             made = catalog.plan(candidate.planner, problem)
         except PlanError as error:
             failure = error
+            continue
+        if made.reasons:
+            failure = PlanError(f"the plan exceeds a limit: {'; '.join(made.reasons)}")
             continue
         residual_rad = residual_curve(model, made.motion.x, "length", lengths_m)
         rows.append(CandidateRow(candidate, tuple(residual_rad.tolist())))

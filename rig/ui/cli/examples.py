@@ -42,6 +42,10 @@ EXAMPLES = {
         "identify last",
         "identify decay.csv --unit deg --plot decay.svg",
     ),
+    "tune": (
+        "tune --virtual",
+        "tune move --virtual --out mine.toml --set bench.pendulum.length_m=0.9",
+    ),
     "recover": (
         "recover last whole.mcap",
         "recover runs/broken.mcap whole.mcap --json",

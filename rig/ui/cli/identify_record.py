@@ -13,7 +13,7 @@ from rig.analysis.identify.identify_options import IdentifyOptions
 from rig.analysis.readers.read import read_signal
 from rig.analysis.readers.signal_record import ReadOptions, SignalRecord
 from rig.analysis.run_log import RunLog
-from rig.errors import BAD_DATA, EXIT_STATUS, OK
+from rig.errors import BAD_DATA, EXIT_STATUS, OK, ConfigError
 from rig.studies.robust_choice import RobustChoice, choose_planner
 from rig.ui.cli.identify_tables import print_identification
 from rig.ui.cli.output import print_json, working
@@ -39,6 +39,11 @@ def identify_file(request: IdentifyRequest) -> int:
     """Identify the decay in a file and print the answer; returns the exit code."""
     if request.plot is not None:
         picture_file.check(request.plot)
+    if not request.file.exists():
+        raise ConfigError(
+            f"{request.file}: no such file; must be a table, a trace, a log or a run folder: check "
+            "the path"
+        )
     with working(f"reading {request.file}", quiet=request.as_json):
         record = read_signal(request.file, request.reading)
     options = _of_record(request, record)
@@ -97,13 +102,9 @@ def _document(
     record: SignalRecord, found: Identification, choice: RobustChoice | None, code: int
 ) -> dict[str, Any]:
     """Collect the answer for JSON."""
-    opinion = found.second_opinion
     return {
         "exit_status": EXIT_STATUS[code],
         "exit_code": code,
-        "verdict": found.verdict,
-        "reasons": [{"code": r.code, "text": r.text} for r in found.reasons],
-        "notes": [{"code": r.code, "text": r.text} for r in found.notes],
         "file": {
             "path": str(record.path),
             "kind": record.kind,
@@ -117,6 +118,18 @@ def _document(
             "quantum": record.quantum,
             "findings": [{"code": f.code, "text": f.text} for f in record.findings],
         },
+        **identification_document(found),
+        "plan": None if choice is None else choice_document(choice),
+    }
+
+
+def identification_document(found: Identification) -> dict[str, Any]:
+    """Collect an identification for JSON."""
+    opinion = found.second_opinion
+    return {
+        "verdict": found.verdict,
+        "reasons": [{"code": r.code, "text": r.text} for r in found.reasons],
+        "notes": [{"code": r.code, "text": r.text} for r in found.notes],
         "kind": found.kind,
         "unit": found.unit,
         "samples": found.samples,
@@ -133,7 +146,6 @@ def _document(
         "residual_over_noise": found.residual_over_noise,
         "second_opinion": None if opinion is None else asdict(opinion),
         "budget": [row._asdict() for row in found.budget],
-        "plan": None if choice is None else choice_document(choice),
     }
 
 

@@ -43,6 +43,9 @@ VERBS = {
     "identify": VerbRow(
         "rig.ui.cli.identify:identify", "Find frequency and damping of a decay in any file."
     ),
+    "tune": VerbRow(
+        "rig.ui.cli.tune:tune", "Fit a move to an unknown load: identify, plan, run, verify."
+    ),
     "recover": VerbRow(
         "rig.ui.cli.recover:recover_log", "Write a complete file from a damaged log."
     ),
