@@ -59,6 +59,8 @@ class AxisFitter:
         """Use the templates of another cable."""
         self.look = look
         self._templates = make_templates(look)
+        if self._static is not None:
+            self._static = self._static.reaching(self._templates.half_px)
         self._border_px = self._templates.half_px + 1
         self._max_newton_px = max(MAX_NEWTON_PX, MAX_NEWTON_BLURS * look.blur_px)
 
@@ -114,6 +116,11 @@ class AxisFitter:
     def _fitted(self, assumed: Axis, rows: MeasuredRows, noise: float) -> MeasuredAxis:
         """Fit the axis to the offsets of the rows from an assumed one."""
         v, offsets = rows.v, rows.offsets
+        if rows.static and not self._sees_upper(assumed, v):
+            lower = assumed.lower_line
+            change_px = self.columns(assumed, v) - lower.at(v)
+            offsets = RowOffsets(offsets.offset_px + change_px, offsets.curvature)
+            assumed, rows = Axis(lower), rows._replace(offsets=offsets)
         if assumed.knee_row is not None:
             measured = self._with_knee(assumed, rows)
             if measured.correlation_factor < KNEE_FACTOR:
@@ -161,6 +168,13 @@ class AxisFitter:
         if np.count_nonzero(rows.v < knee.row) < MIN_LINK_SHARE * self._height:
             return None
         return Axis(knee.line, knee_row=knee.row, knee_slope=knee.change)
+
+    def _sees_upper(self, axis: Axis, v: Rows) -> bool:
+        """Tell if enough of the rows v (N,) are above the joint; True without one."""
+        if axis.knee_row is None:
+            return True
+        above = int(np.count_nonzero(v < axis.knee_row))
+        return above >= MIN_LINK_SHARE * self._height
 
     def _is_bent(self, part: slice | Rows, fit: AxisFit) -> bool:
         """Tell if the rows lie on a parabola rather than on a line."""
