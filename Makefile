@@ -9,7 +9,7 @@ ROOMS := comms planners vision sim_rig rig
 SHORT :=
 THREADS := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
 
-.PHONY: setup demo test test-oldest wheel check docs format bench endurance mutants clean
+.PHONY: setup setup-oldest demo test test-oldest wheel check docs format bench endurance mutants clean
 
 setup: $(READY)
 
@@ -44,9 +44,14 @@ OLDEST_LEAVES_OUT := $(addprefix --ignore=tests/,test_readme_commands.py test_en
   rig/ui/test_help.py rig/ui/test_law_commands.py \
   rig/ui/test_report_in_browser.py rig/ui/test_servo_observer_command.py) \
   $(addprefix --ignore=,$(filter-out tests/sim_rig/test_bench_camera.py,$(wildcard tests/sim_rig/test_*.py)))
-test-oldest: pyproject.toml constraints-oldest.txt
+setup-oldest: $(OLDEST)/.ready
+
+$(OLDEST)/.ready: pyproject.toml constraints-oldest.txt
 	$(PYTHON) -m venv $(OLDEST)
 	$(OLDEST)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints-oldest.txt -e '.[tests]'
+	@touch $@
+
+test-oldest: setup-oldest
 	$(THREADS) $(OLDEST)/bin/python -m pytest -n 2 --dist loadgroup $(OLDEST_LEAVES_OUT)
 
 wheel: pyproject.toml  # the wheel works from another folder, in an environment of its own

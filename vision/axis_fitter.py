@@ -8,7 +8,7 @@ import numpy as np
 
 from vision.axis import Axis, MeasuredAxis, MeasuredRows
 from vision.finder import Points
-from vision.knee import STEP_ROWS, find_knee, robust_fit
+from vision.knee import MIN_LINK_SHARE, STEP_ROWS, find_knee, has_links, robust_fit
 from vision.line_fit import (
     MIN_ROWS,
     AxisFit,
@@ -21,8 +21,8 @@ from vision.line_fit import (
     huber_fit,
     huber_line,
     local_noise,
-    row_offsets,
 )
+from vision.row_offsets import row_offsets
 from vision.static_scene import StaticScene
 from vision.templates import CableLook, make_templates
 
@@ -38,7 +38,6 @@ KNEE_GAIN = 0.5  # a joint must leave less of the scatter than a parabola does
 KNEE_NOISES, KNEE_SCATTER_PX = 1.3, 0.005  # and not much more than the noise of a row
 MIN_KNEE_SLOPE = 3e-3  # below, the row of the joint is not measured
 MIN_FIRST_KNEE_SLOPE = 8e-3  # below, a joint is not told from a bend
-MIN_LINK_SHARE = 0.2  # of the height of the picture, for the rows of the first link
 MAX_KNEE_STEP_ROWS = 20.0
 
 
@@ -102,7 +101,7 @@ class AxisFitter:
                 v, u = v[free], u[free]
         if len(v) < MIN_ROWS:
             return None
-        offset_px, curvature = row_offsets(image, v, u, self._templates)
+        offset_px, curvature = row_offsets(image, v, u, self._templates, noise)
         min_curvature = MIN_CURVATURE_SIGMAS * self._templates.second_norm * noise
         good = (np.abs(offset_px) < self._max_newton_px) & (curvature > min_curvature)
         count = int(np.count_nonzero(good))
@@ -122,21 +121,23 @@ class AxisFitter:
             offsets = RowOffsets(offsets.offset_px + change_px, offsets.curvature)
             assumed, rows = Axis(lower), rows._replace(offsets=offsets)
         if assumed.knee_row is not None:
-            measured = self._with_knee(assumed, rows)
-            if measured.correlation_factor < KNEE_FACTOR:
-                return measured
+            measured = None
+            if has_links(v, assumed, self._height):
+                measured = self._with_knee(assumed, rows)
+                if not has_links(v, measured.axis, self._height):
+                    measured = None
+                elif measured.correlation_factor < KNEE_FACTOR:
+                    return measured
             # no joint explains these rows
-            assumed = assumed._replace(knee_row=None, knee_slope=0.0)
-            change_px = self.columns(measured.axis, v) - self.columns(assumed, v)
-            whole = RowOffsets(offsets.offset_px + change_px, offsets.curvature)
-            fit = huber_fit(self._basis[:, v], whole)
-            bent = self._bent(assumed, rows._replace(offsets=whole), fit)
-            return measured if measured.scatter_px < bent.scatter_px else bent
-        if assumed.bend_px:
             straight = Axis(assumed.line)
-            change_px = self.columns(assumed, v) - straight.line.at(v)
-            offsets = RowOffsets(offsets.offset_px + change_px, offsets.curvature)
-            assumed, rows = straight, rows._replace(offsets=offsets)
+            whole = self._seen_from(straight, assumed, rows)
+            bent = self._bent(straight, whole, huber_fit(self._basis[:, v], whole.offsets))
+            if measured is not None and measured.scatter_px < bent.scatter_px:
+                return measured
+            return bent
+        if assumed.bend_px:
+            rows = self._seen_from(Axis(assumed.line), assumed, rows)
+            assumed, offsets = Axis(assumed.line), rows.offsets
         part = rows.part
         fit = huber_line(self._basis[1, part], offsets)
         if not self._is_bent(part, fit):
@@ -146,12 +147,16 @@ class AxisFitter:
         if factor > KNEE_FACTOR:
             knee = self._knee(assumed, rows, fit, noise)
             if knee is not None:
-                change_px = self.columns(assumed, v) - self.columns(knee, v)
-                moved = RowOffsets(offsets.offset_px + change_px, offsets.curvature)
-                measured = self._with_knee(knee, rows._replace(offsets=moved))
+                measured = self._with_knee(knee, self._seen_from(knee, assumed, rows))
                 # the templates were not yet at this axis
                 return measured._replace(moved_px=math.inf)
         return self._bent(assumed, rows, fit)
+
+    def _seen_from(self, axis: Axis, assumed: Axis, rows: MeasuredRows) -> MeasuredRows:
+        """Take the offsets from another axis than the assumed one."""
+        change_px = self.columns(assumed, rows.v) - self.columns(axis, rows.v)
+        offset_px, curvature = rows.offsets
+        return rows._replace(offsets=RowOffsets(offset_px + change_px, curvature))
 
     def _knee(self, assumed: Axis, rows: MeasuredRows, fit: AxisFit, noise: float) -> Axis | None:
         """Look for a joint that explains the rows where a parabola does not."""
@@ -302,11 +307,8 @@ class AxisFitter:
         bent, bent_px = robust_fit(np.stack([np.ones_like(rows), rows, t * t]), columns)
         parabola = Axis(ImageLine(float(bent[0]), float(bent[1])), float(bent[2]))
         knee = find_knee(rows, columns)
-        least = MIN_LINK_SHARE * self._height
-        if (
-            knee is not None
-            and knee.row - rows[0] > least
-            and (knee.scatter_px < KNEE_GAIN * bent_px)
-        ):
+        if knee is None or knee.scatter_px >= KNEE_GAIN * bent_px:
+            return [*found, parabola]
+        if knee.row - rows[0] > MIN_LINK_SHARE * self._height:
             found.append(Axis(knee.line, knee_row=knee.row, knee_slope=knee.change))
         return [*found, parabola]

@@ -14,7 +14,7 @@ from vision.circle_fit import Circle, fit_circle
 from vision.line_fit import Grey
 from vision.ridge import grey_levels
 from vision.static_scene import median_picture
-from vision.view import PLANES, Region, View, is_grey
+from vision.view import PLANES, PictureRegion, PictureView, is_grey
 
 MIN_SHARE = 0.5  # of the pictures with a blob
 MIN_PICTURES = 5
@@ -30,7 +30,7 @@ UP = ((0.0, -1.0), (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0))  # pivot before turns 0 
 class BobLook(NamedTuple):
     """Bob as found; places are those of the view."""
 
-    view: View
+    view: PictureView
     ground: Grey  # the view without the bob
     circle: Circle  # of the centroids, about the pivot
     area_px: float
@@ -43,7 +43,7 @@ def look_for_bob(
     plane: str | None,
     is_bright: bool | None,
     turns: int | None,
-    region: Region | None,
+    region: PictureRegion | None,
 ) -> BobLook | None:
     """Find a blob that moves on a circle; None if there is none.
 
@@ -57,14 +57,14 @@ def look_for_bob(
     best: BobLook | None = None
     best_merit = 0.0
     for name in planes:
-        seen = [View(name, region=region).picture(picture) for picture in pictures]
+        seen = [PictureView(name, region=region).picture(picture) for picture in pictures]
         found = _in_plane(seen, shifts, is_bright)
         if found is None:
             continue
         merit = found[3] / grey_levels(seen[0]).noise
         if merit > best_merit:
             bright, ground, circle, _, blobs = found
-            view = View(name, bright, 0, region)
+            view = PictureView(name, bright, 0, region)
             area = float(np.median([blob.area_px for blob in blobs if blob is not None]))
             best, best_merit = BobLook(view, ground, circle, area, blobs), merit
     if best is None:
@@ -206,9 +206,10 @@ def _turned(found: BobLook, turns: int, size: tuple[int, int]) -> BobLook:
             continue
         u, v = place((blob.u, blob.v))
         blobs.append(blob._replace(u=u, v=v))
-    sigma = found.circle.sigma_centre_px
+    circle = found.circle._replace(centre_px=place(found.circle.centre_px))
     if turns % 2:
-        sigma = sigma[::-1]
-    circle = found.circle._replace(centre_px=place(found.circle.centre_px), sigma_centre_px=sigma)
+        circle = circle._replace(
+            sigma_centre_px=circle.sigma_centre_px[::-1], correlation=-circle.correlation
+        )
     ground = np.ascontiguousarray(np.rot90(found.ground, turns))
     return BobLook(view, ground, circle, found.area_px, tuple(blobs))

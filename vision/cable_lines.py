@@ -15,7 +15,7 @@ from vision.line_fit import Grey, ImageLine
 from vision.pivot_fit import MeasuredLine
 from vision.profile_look import measure_look
 from vision.ridge import grey_levels
-from vision.static_scene import StaticScene, median_picture
+from vision.static_scene import Mask, StaticScene, median_picture
 from vision.templates import CableLook, make_templates
 from vision.tracker import Tracker
 
@@ -25,6 +25,8 @@ ASSUMED_PIVOT_SHARE = 0.1  # height above the picture at which a line is taken t
 MASK_BLURS = 4.0  # beside the cable, left out of the median
 MASK_PX = 3.0
 MIN_UNMASKED = 4  # pictures; fewer: the level is taken from the sides
+MAX_STATIC_LINES = 4
+LINE_REACH_PX = 15  # half the width of what is drawn on
 MIN_MOVED_PX = 0.05  # at the lower end of the lines; less is no motion
 MOVED_SIGMAS = 4.0
 LOOK_PICTURES = 12
@@ -176,7 +178,27 @@ def median_without(
         known = ~unknown[row]
         if known.any():
             median[row, ~known] = np.interp(columns[~known], columns[known], median[row, known])
+    _continue_lines(median, unknown)
     return median
+
+
+def _continue_lines(median: Grey, unknown: Mask) -> None:
+    """Draw the lines that never move on where the cable always covers them."""
+    width = median.shape[1]
+    for found in find_lines(median, grey_levels(median).noise, MAX_STATIC_LINES):
+        rows = np.arange(median.shape[0])
+        centre = np.rint(found.line.at(rows)).astype(np.intp)
+        inside = (centre >= LINE_REACH_PX) & (centre < width - LINE_REACH_PX)
+        rows, centre = rows[inside], centre[inside]
+        window = centre[:, None] + np.arange(-LINE_REACH_PX, LINE_REACH_PX + 1)
+        is_unknown = unknown[rows[:, None], window]
+        is_seen = ~is_unknown.any(axis=1)
+        if not is_seen.any():
+            continue
+        profile = np.median(median[rows[is_seen, None], window[is_seen]], axis=0)
+        depth = np.maximum(np.median(profile) - profile, 0.0)
+        level = median[rows[:, None], window] - np.where(is_unknown, depth, 0.0)
+        median[rows[:, None], window] = np.maximum(level, 0.0).astype(np.uint8)
 
 
 def _band(

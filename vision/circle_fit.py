@@ -22,6 +22,7 @@ class Circle(NamedTuple):
     centre_px: tuple[float, float]
     radius_px: float
     sigma_centre_px: tuple[float, float]
+    correlation: float  # of the errors of the two coordinates of the centre
     sigma_radius_px: float
     scatter_px: float  # rms distance of the points from the circle
     points: int  # within the scatter
@@ -68,11 +69,17 @@ def _fitted(x: FloatArray, y: FloatArray) -> Circle | None:
         return None
     miss = np.hypot(u - q[0], v - q[1]) - q[2]
     variance = float(miss @ miss) / max(len(u) - 3, 1)
-    deviations = np.sqrt(np.diag(np.linalg.pinv(jacobian.T @ jacobian)) * variance)
+    # of the Jacobian, not of its square: the columns of a short arc are nearly the same
+    _, singular, basis = np.linalg.svd(jacobian, full_matrices=False)
+    scaled = basis.T / np.maximum(singular, 1e-12)
+    inverse = scaled @ scaled.T
+    deviations = np.sqrt(np.diag(inverse) * variance)
+    correlation = float(inverse[0, 1]) / math.sqrt(float(inverse[0, 0] * inverse[1, 1]))
     return Circle(
         (middle_x + float(q[0]), middle_y + float(q[1])),
         float(q[2]),
         (float(deviations[0]), float(deviations[1])),
+        correlation,
         float(deviations[2]),
         math.sqrt(float(miss @ miss) / len(u)),
         len(u),

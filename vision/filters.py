@@ -58,7 +58,7 @@ class MovingAverage:
         )
 
 
-class Response(NamedTuple):
+class FilterResponse(NamedTuple):
     """Effect of a filter on a sine of one frequency."""
 
     gain: float  # amplitude out over amplitude in
@@ -72,11 +72,11 @@ class FilteredAngles(NamedTuple):
     angle_rad: FloatArray  # (N,)
 
 
-def average_response(frames: int, period_s: float, frequency_hz: float) -> Response:
+def average_response(frames: int, period_s: float, frequency_hz: float) -> FilterResponse:
     """Compute the response of a mean over frames: sin(N x) / (N sin x) with x = pi f T."""
     x = math.pi * frequency_hz * period_s
     gain = 1.0 if math.sin(x) == 0.0 else math.sin(frames * x) / (frames * math.sin(x))
-    return Response(gain, 0.5 * (frames - 1) * period_s)
+    return FilterResponse(gain, 0.5 * (frames - 1) * period_s)
 
 
 def notch_coefficients(notch_hz: float, quality: float, period_s: float) -> FloatArray:
@@ -91,13 +91,15 @@ def notch_coefficients(notch_hz: float, quality: float, period_s: float) -> Floa
     return np.array([[1.0, cosine, 1.0], [1.0 + alpha, cosine, 1.0 - alpha]]) / (1.0 + alpha)
 
 
-def notch_response(coefficients: FloatArray, period_s: float, frequency_hz: float) -> Response:
+def notch_response(
+    coefficients: FloatArray, period_s: float, frequency_hz: float
+) -> FilterResponse:
     """Compute the response of a notch filter (2, 3)."""
     z = np.exp(-1j * math.tau * frequency_hz * period_s * np.arange(3))
     numerator, denominator = coefficients @ z
     value = complex(numerator / denominator)
     delay_s = -math.atan2(value.imag, value.real) / (math.tau * frequency_hz)
-    return Response(abs(value), delay_s)
+    return FilterResponse(abs(value), delay_s)
 
 
 def averaged(
@@ -134,7 +136,7 @@ def notched(
     return FilteredAngles(t_s.copy(), out)
 
 
-def undone(filtered: FilteredAngles, response: Response, delay_s: float) -> FilteredAngles:
+def undone(filtered: FilteredAngles, response: FilterResponse, delay_s: float) -> FilteredAngles:
     """Undo the loss of amplitude about the mean, and a delay that the times do not contain."""
     known = np.isfinite(filtered.angle_rad)
     if not known.any():

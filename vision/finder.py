@@ -14,10 +14,9 @@ from vision.line_fit import (
     ImageLine,
     Rows,
     coarse_line,
-    pixel_runs,
-    refined_columns,
 )
 from vision.ridge import CLEAR_ROWS, FLANK_PX, SLOPE_LIMIT, Levels, line_response, search
+from vision.row_offsets import pixel_runs, refined_columns
 from vision.templates import CableLook, make_templates
 
 STRIP_PX = 40  # the cable may be 14 px from the prediction: 27 mrad at the bottom of the image

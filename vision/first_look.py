@@ -28,11 +28,11 @@ from vision.look_findings import (
     static_findings,
     turn_findings,
 )
-from vision.pivot_fit import Pivot, meeting_point
+from vision.pivot_fit import MeetingPoint, meeting_point
 from vision.ridge import grey_levels
 from vision.static_scene import StaticScene
 from vision.templates import CableLook
-from vision.view import Point, Region, View, plane_of
+from vision.view import PictureRegion, PictureView, Point, plane_of
 from vision.view_choice import choose_view
 
 MAX_PIVOT_SCATTER_PX = 2.0  # of lines that meet in one point
@@ -58,7 +58,7 @@ class LookChoices:
     is_bright: bool | None = None
     turns: int | None = None
     width_px: float | None = None
-    region: Region | None = None
+    region: PictureRegion | None = None
     at_rest: bool = False  # a cable that never moves is measured
 
     @property
@@ -71,13 +71,13 @@ class LookChoices:
 class Look:
     """Result of a first look. Places and lines are those of the view."""
 
-    view: View
+    view: PictureView
     subject: Subject
     size: tuple[int, int]  # width and height of the pictures
     median: Grey  # of the view: what never moves, and a cable that hardly does
     scene: StaticScene | None = None  # None: the cable cannot be told from what never moves
     cable: CableLook | None = None
-    pivot: Pivot | None = None
+    pivot: MeetingPoint | None = None
     bob: BobLook | None = None
     lines: tuple[PictureLine | None, ...] = ()  # one for each picture
     static_lines: tuple[FreeLine, ...] = ()
@@ -96,13 +96,15 @@ class Look:
     def gate_px(self) -> Point | None:
         """Choose the place in the view that a line must pass, where no pivot is told.
 
-        The pivot; if its row is not known, the place of the lines above the picture.
+        The pivot; if its row is not known, the place of the lines above the picture (bob: None).
         """
         height = self.median.shape[0]
         row = -ABOVE_SHARE * height
         if self.pivot is not None:
             if self.pivot.sigma_px[1] <= MAX_PIVOT_SIGMA_PX:
                 return self.pivot.at_px
+            if self.bob is not None:
+                return None
             measured = [item.measured.line for item in self.lines if item is not None]
             row = min(row, self.pivot.at_px[1])
             return float(np.median([line.at(row) for line in measured])), row
@@ -137,20 +139,22 @@ def _look(pictures: Sequence[Grey], pivots_px: Sequence[Point] | None, chosen: L
     size = (pictures[0].shape[1], pictures[0].shape[0])
     view = choose_view(pictures, chosen.plane, chosen.is_bright, chosen.turns, chosen.region)
     seen = [view.picture(picture) for picture in pictures]
-    shifts_px = _shifts_px(view, size, pivots_px, len(seen))
+    moves_px = _moves_px(pivots_px, len(seen))
+    origin = view.to_view((0.0, 0.0), size)[0]
+    shifts_px = [view.to_view(move_px, size)[0] - origin for move_px in moves_px]
     found = cable_lines(seen, chosen.width_px)
     pivot = _pivot(found, shifts_px)
     if not found.is_moving:
         bob = look_for_bob(
             pictures,
-            [(shift_px, 0.0) for shift_px in shifts_px],
+            moves_px,
             chosen.plane,
             chosen.is_bright,
             chosen.turns,
             chosen.region,
         )
         if bob is not None:
-            return _described_bob(bob, size)
+            return _described_bob(bob, size, moves_px)
     if chosen.turns is None and _is_upside_down(found, pivot, seen[0].shape[0]):
         turned = replace(chosen, turns=(view.turns + 2) % 4, plane=view.plane)
         return _look(pictures, pivots_px, replace(turned, is_bright=view.is_bright))
@@ -174,17 +178,14 @@ def _choice_findings(chosen: LookChoices, other: Look) -> Iterator[LookFinding]:
         yield LookFinding(f"{about} of the whole picture", "roi", "X,Y,W,H around it")
 
 
-def _shifts_px(
-    view: View, size: tuple[int, int], pivots_px: Sequence[Point] | None, count: int
-) -> list[float]:
-    """Compute the motion of the told pivot along x in the view, from the first picture."""
+def _moves_px(pivots_px: Sequence[Point] | None, count: int) -> list[Point]:
+    """Compute the motion of the told pivot in the pictures, from the first one [px]."""
     if not pivots_px:
-        return [0.0] * count
-    columns = [view.to_view(pivot, size)[0] for pivot in pivots_px]
-    return [column - columns[0] for column in columns]
+        return [(0.0, 0.0)] * count
+    return [(x - pivots_px[0][0], y - pivots_px[0][1]) for x, y in pivots_px]
 
 
-def _pivot(found: CableLines, shifts_px: Sequence[float]) -> Pivot | None:
+def _pivot(found: CableLines, shifts_px: Sequence[float]) -> MeetingPoint | None:
     measured = []
     for item, shift_px in zip(found.lines, shifts_px, strict=True):
         if item is not None:
@@ -192,7 +193,7 @@ def _pivot(found: CableLines, shifts_px: Sequence[float]) -> Pivot | None:
     return meeting_point(measured) if found.is_moving else None
 
 
-def _is_upside_down(found: CableLines, pivot: Pivot | None, height: int) -> bool:
+def _is_upside_down(found: CableLines, pivot: MeetingPoint | None, height: int) -> bool:
     """Tell if the lines meet below the rows in which they are seen."""
     if pivot is None or pivot.scatter_px > MAX_PIVOT_SCATTER_PX:
         return False
@@ -202,11 +203,11 @@ def _is_upside_down(found: CableLines, pivot: Pivot | None, height: int) -> bool
 
 
 def _described(
-    view: View,
+    view: PictureView,
     pictures: Sequence[Grey],
     seen: Sequence[Grey],
     found: CableLines,
-    pivot: Pivot | None,
+    pivot: MeetingPoint | None,
     chosen: LookChoices,
 ) -> Look:
     still = found.median
@@ -241,15 +242,14 @@ def _findings(
     found: CableLines,
     chosen: LookChoices,
 ) -> Iterator[LookFinding]:
-    if chosen.turns is None:
-        yield from turn_findings(described.view.turns)
+    yield from turn_findings(described.view.turns)
     pivot, place = described.pivot, described.pivot_in_picture()
     if pivot is not None and place is not None:
         yield from pivot_findings(pivot, len(seen), place)
         yield from static_findings(described.static_lines, pivot.at_px)
     if described.subject is Subject.CABLE and described.scene is not None:
         yield from second_line_findings(seen, found, described.scene)
-    elif described.subject is Subject.STILL and not chosen.at_rest:
+    elif described.subject is Subject.STILL and described.scene is not None:
         yield from static_findings(described.static_lines, None)
     elif described.subject is Subject.NOTHING:
         upright = [plane_of(picture, described.view.plane) for picture in pictures]
@@ -267,17 +267,21 @@ def _searched(chosen: LookChoices) -> str:
     return f"{planes}, {polarity}{turns}{part}"
 
 
-def _described_bob(bob: BobLook, size: tuple[int, int]) -> Look:
+def _described_bob(bob: BobLook, size: tuple[int, int], moves_px: Sequence[Point]) -> Look:
     circle = bob.circle
-    lines = [blob for blob in bob.blobs if blob is not None]
-    x, y = circle.centre_px
-    angles = [math.atan2(blob.u - x, blob.v - y) for blob in lines]
-    pivot = Pivot(
+    centre = bob.view.to_picture(circle.centre_px, size)
+    angles = []
+    for blob, move_px in zip(bob.blobs, moves_px, strict=True):
+        if blob is not None:
+            pivot_px = (centre[0] + move_px[0], centre[1] + move_px[1])
+            x, y = bob.view.to_view(pivot_px, size)
+            angles.append(math.atan2(blob.u - x, blob.v - y))
+    pivot = MeetingPoint(
         circle.centre_px,
         circle.sigma_centre_px,
         circle.scatter_px,
         circle.points,
-        len(lines) - circle.points,
+        len(angles) - circle.points,
         0.0,
     )
     return Look(
@@ -290,6 +294,7 @@ def _described_bob(bob: BobLook, size: tuple[int, int]) -> Look:
         swing_rad=(min(angles), max(angles)),
         findings=(
             *turn_findings(bob.view.turns),
+            *pivot_findings(pivot, len(moves_px), centre),
             LookFinding("no cable can be seen: the bob is tracked"),
         ),
     )

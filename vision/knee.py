@@ -6,12 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vision.line_fit import FloatArray, ImageLine
+from vision.axis import Axis
+from vision.line_fit import MIN_ROWS, FloatArray, ImageLine, Rows
 
 STEP_ROWS = 4  # one row in four is enough to find the joint
 KNEES = 24  # places tried at first
 FINE_KNEES = 8  # and between the neighbours of the best one
 MIN_SEGMENT_ROWS = 6  # of the rows that are looked at, on each side
+MIN_LINK_SHARE = 0.2  # of the height of the picture, for the rows of the first link
 OUTLIER_SCALES_PX = (20.0, 4.0, 1.0, 0.5)
 
 
@@ -22,6 +24,12 @@ class Knee(NamedTuple):
     row: float
     change: float  # of the slope, below the joint
     scatter_px: float  # median distance of the rows over that of a normal distribution
+
+
+def has_links(v: Rows, axis: Axis, height: int) -> bool:
+    """Tell if there are enough rows v (N,) on both sides of the joint of an axis."""
+    above = int(np.count_nonzero(v < (axis.knee_row or 0.0)))
+    return above >= MIN_LINK_SHARE * height and len(v) - above >= MIN_ROWS
 
 
 def find_knee(rows: FloatArray, columns: FloatArray) -> Knee | None:

@@ -1,7 +1,4 @@
-"""Fit of the axis of a thin dark line: template correlation in each row, Huber fit over the rows.
-
-The axis is exact to a hundredth of a pixel.
-"""
+"""Fit of the axis of a thin line over its rows: a Huber fit, and the correlation of the rows."""
 
 from __future__ import annotations
 
@@ -9,8 +6,6 @@ import math
 from typing import Any, NamedTuple, overload
 
 import numpy as np
-
-from vision.templates import PHASES, Templates
 
 Grey = np.ndarray[Any, np.dtype[np.uint8]]
 FloatArray = np.ndarray[Any, np.dtype[np.float64]]
@@ -22,7 +17,6 @@ HUBER_ITERATIONS = 2  # reweighted fits, from a robust line
 COARSE_SCALES_PX = (5.0, 1.5)  # outlier scales of the coarse line, from strip to pixel
 MIN_SCALE_PX = 1e-3  # lower bound: without noise the rows may agree exactly
 MIN_ROWS = 8  # fewer rows give no useful scatter
-MIN_CURVATURE = 1e-6  # grey/px^2; avoids a division by zero
 NO_NUMBERS: FloatArray = np.zeros(0)
 NO_COVARIANCE: FloatArray = np.zeros((0, 0))
 BLOCK_ROWS = 16  # rows averaged to see their correlation
@@ -64,53 +58,6 @@ class AxisFit(NamedTuple):
     curvature: float  # rms over those rows [grey/px^2]
     residual_px: FloatArray  # (N,)
     covariance: FloatArray  # (P, P) of the coefficients, from the scatter; (0, 0) of a line
-
-
-def pixel_runs(image: Grey, first: Rows, width: int) -> Grey:
-    """Gather runs of `width` pixels of a C-contiguous image.
-
-    first: (N,) flat index of the first pixel of each run. Returns (N, width); a run is gathered
-    as one element.
-    """
-    every = np.ndarray((image.size - width + 1,), f"V{width}", image, strides=(1,))
-    return every[first].view(np.uint8).reshape(-1, width)
-
-
-def row_offsets(image: Grey, v: Rows, u: FloatArray, templates: Templates) -> RowOffsets:
-    """Take one Newton step in each row to the stationary point of the correlation with a template.
-
-    image (H, W) uint8 contiguous, v (N,) rows, u (N,) columns near the cable, at least the half
-    width of the template from the border. A symmetric profile is stationary on its axis for any
-    width, and the template is sampled at the sub-pixel phase: unlike a parabola through three
-    pixels, the result is not biased towards whole or half pixels.
-    """
-    step = np.rint(u * PHASES)
-    whole = step.astype(np.intp) + PHASES // 2
-    centre = whole // PHASES
-    chosen = templates.pairs.take(whole - centre * PHASES, axis=0)
-    pixels = _pixels(image, v, centre, templates)
-    first, second = np.einsum("nj,nkj->kn", pixels, chosen).astype(np.float64)
-    curvature = np.maximum(second, MIN_CURVATURE)
-    return RowOffsets(first / curvature + (step / PHASES - u), curvature)
-
-
-def refined_columns(image: Grey, v: Rows, u: Rows, templates: Templates) -> FloatArray:
-    """Take the Newton step of row_offsets from whole pixels u (N,), in less time.
-
-    Exact to 0.06 px; the step is at most one pixel.
-    """
-    pixels = _pixels(image, v, u, templates)
-    first, second = (pixels @ templates.pairs[PHASES // 2].T).T
-    step = np.minimum(np.maximum(first / np.maximum(second, MIN_CURVATURE), -1.0), 1.0)
-    return np.asarray(u + step, np.float64)
-
-
-def _pixels(
-    image: Grey, v: Rows, centre: Rows, templates: Templates
-) -> np.ndarray[Any, np.dtype[np.float32]]:
-    """Gather the (N, taps) pixels around columns centre (N,) of rows v (N,)."""
-    first = v * image.shape[1] + (centre - templates.half_px)
-    return pixel_runs(image, first, templates.taps).astype(np.float32)
 
 
 def coarse_line(

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import cv2
 import numpy as np
 
 from comms.errors import LogError
-from comms.mcap_log import read_log
+from comms.mcap_log import Log, read_log
+from comms.messages import AngleSample, RobotState, SwingPlane
 from comms.records import CompressedImage, picture_topic
 from vision.errors import VisionError
 from vision.stream import About, SourceFrame, SourceOptions, StampKind, StreamFinding
 from vision.stream_check import checked, spread_evenly, within
 
+MIN_SPREAD_M2 = 1e-6  # sum of squares, of a platform that moved
 LOG_NAME = "run.mcap"
 NS = 1_000_000_000
 
@@ -35,6 +37,7 @@ class LogSource:
             log = read_log(path)
         except LogError as error:
             raise VisionError(str(error)) from error
+        self._pivot = _pivot_of(log, options.camera)
         self._pictures: list[CompressedImage] = log.read(topic, CompressedImage)
         if not self._pictures:
             topics = [name for name in log.topics if name.endswith("/image")]
@@ -71,8 +74,43 @@ class LogSource:
         for number, picture in enumerate(self._pictures):
             image = _decoded(picture)
             if image is not None:
-                t_s = (_stamp_ns(picture) - first_ns) / NS
-                yield SourceFrame(number, t_s, StampKind.LOG, image)
+                t_ns = _stamp_ns(picture)
+                pivot_px = None if self._pivot is None else self._pivot.at(t_ns)
+                yield SourceFrame(
+                    number, (t_ns - first_ns) / NS, StampKind.LOG, image, pivot_px=pivot_px
+                )
+
+
+class _MovingPivot:
+    """Pivot over time: a straight line over the position of the platform, as the run used it."""
+
+    def __init__(self, states: Sequence[RobotState], samples: Sequence[AngleSample]) -> None:
+        placed = [
+            (sample.platform_m, *sample.links[0].joint_px)
+            for sample in samples
+            if sample.platform_m is not None and sample.links and sample.links[0].joint_px
+        ]
+        place_m, column_px, row_px = np.array(placed).T
+        apart_m = place_m - place_m.mean()
+        spread = float(apart_m @ apart_m)
+        self._scale = float(apart_m @ column_px) / spread if spread > MIN_SPREAD_M2 else 0.0
+        self._home_px = float(column_px.mean()) - self._scale * float(place_m.mean())
+        self._row_px = float(np.median(row_px))
+        axis = 0 if samples[0].swing_plane is SwingPlane.X else 1
+        self._t_ns = [state.t_actual_ns for state in states]
+        self._place_m = [state.actual_m[axis] for state in states]
+
+    def at(self, t_ns: int) -> tuple[float, float]:
+        """Compute the pivot at a time of the run."""
+        place_m = float(np.interp(t_ns, self._t_ns, self._place_m))
+        return self._home_px + self._scale * place_m, self._row_px
+
+
+def _pivot_of(log: Log, camera: int) -> _MovingPivot | None:
+    states = log.read("/robot_state", RobotState)
+    samples = log.read(f"/angle_{camera}", AngleSample)
+    located = [sample for sample in samples if sample.links and sample.platform_m is not None]
+    return _MovingPivot(states, located) if states and located else None
 
 
 def _stamp_ns(picture: CompressedImage) -> int:

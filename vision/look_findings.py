@@ -11,7 +11,7 @@ import numpy as np
 from vision.cable_lines import CableLines
 from vision.free_lines import FreeLine, find_lines
 from vision.line_fit import Grey
-from vision.pivot_fit import Pivot
+from vision.pivot_fit import MeetingPoint
 from vision.ridge import grey_levels
 from vision.static_scene import StaticScene
 
@@ -44,7 +44,7 @@ def turn_findings(turns: int) -> Iterator[LookFinding]:
 
 
 def pivot_findings(
-    pivot: Pivot, pictures: int, place: tuple[float, float]
+    pivot: MeetingPoint, pictures: int, place: tuple[float, float]
 ) -> Iterator[LookFinding]:
     """Report how well lines meet in a pivot; place: of the pivot in the pictures."""
     where = f"{place[0]:.1f},{place[1]:.1f}"
@@ -63,6 +63,11 @@ def pivot_findings(
             "pivot",
             "X,Y",
         )
+    elif pivot.lines < FEW_SHARE * lines:
+        yield LookFinding(
+            f"{pivot.outliers} of {lines} lines miss the point {where} in which the others meet: "
+            "the pivot moves, or it is not one cable"
+        )
     limit_px = max(MIN_DRIFT_PX, MAX_DRIFT_SIGMAS * pivot.scatter_px / math.sqrt(pivot.lines))
     if abs(pivot.drift_px) > limit_px and pivot.scatter_px <= 3.0 * abs(pivot.drift_px):
         yield LookFinding(
@@ -72,11 +77,11 @@ def pivot_findings(
             "START --to END of a part without motion",
         )
     if lines < FEW_SHARE * pictures:
-        yield LookFinding(f"only {lines} of {pictures} pictures show the line that moves")
+        yield LookFinding(f"only {lines} of {pictures} pictures show what moves")
 
 
 def told_pivot_finding(
-    pivot: Pivot, place: tuple[float, float], told: tuple[float, float]
+    pivot: MeetingPoint, place: tuple[float, float], told: tuple[float, float]
 ) -> Iterator[LookFinding]:
     """Report a told pivot that the lines do not go through; place: of the pivot found."""
     if pivot.scatter_px > MAX_SCATTER_PX:

@@ -26,7 +26,7 @@ class MeasuredLine(NamedTuple):
     shift_px: float = 0.0  # of the pivot along x, from that of the first picture, where known
 
 
-class Pivot(NamedTuple):
+class MeetingPoint(NamedTuple):
     """Meeting point of the lines."""
 
     at_px: tuple[float, float]
@@ -37,7 +37,7 @@ class Pivot(NamedTuple):
     drift_px: float  # of the last third of the lines from the first third, along x
 
 
-def meeting_point(measured: Sequence[MeasuredLine]) -> Pivot | None:
+def meeting_point(measured: Sequence[MeasuredLine]) -> MeetingPoint | None:
     """Compute the point with the least squared distances from the lines; None for too few lines.
 
     At the middle row m of a line with slope b the column is c = x + b (m - y), linear in x and y.
@@ -69,7 +69,7 @@ def meeting_point(measured: Sequence[MeasuredLine]) -> Pivot | None:
     third = max(count // 3, 1)
     drift = float(np.median(miss[-third:]) - np.median(miss[:third]))
     row = middle - reach
-    return Pivot((x, row), (sigma_column, sigma_row), rms, count, len(slope) - count, drift)
+    return MeetingPoint((x, row), (sigma_column, sigma_row), rms, count, len(slope) - count, drift)
 
 
 def _start(slope: FloatArray, column: FloatArray) -> tuple[float, float]:

@@ -26,10 +26,13 @@ def mean_profile(
 ) -> tuple[FloatArray, FloatArray]:
     """Average the picture over the rows, by the distance from the axis.
 
-    rows, columns (N,) of the axis. Returns distances [px] and levels, each (M,).
+    rows, columns (N,) of the axis. Returns distances [px] and levels, each (M,); empty if the axis
+    is not in the picture.
     """
     centre = np.rint(columns).astype(np.intp)
     inside = (centre >= reach_px) & (centre < image.shape[1] - reach_px)
+    if not inside.any():
+        return np.empty(0), np.empty(0)
     window = np.arange(-reach_px, reach_px + 1)
     pixels = image[rows[inside].astype(np.intp)[:, None], centre[inside, None] + window]
     cos = 1.0 / math.hypot(1.0, slope)

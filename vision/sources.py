@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -19,14 +17,6 @@ MAX_RATE_HZ = 1e6
 PIPELINE_LINK = " ! "  # between the elements of a GStreamer pipeline
 DEFAULT_OPTIONS = SourceOptions()
 RED = 2  # OpenCV orders blue, green, red
-
-
-class VideoFrame(NamedTuple):
-    """Frame of a video."""
-
-    number: int  # from 0
-    t_s: float  # from the first frame
-    red: Image  # red plane, (height, width) uint8
 
 
 def open_source(where: str | Path, options: SourceOptions = DEFAULT_OPTIONS) -> FrameStream:
@@ -67,12 +57,6 @@ def _check(options: SourceOptions) -> None:
         )
     if from_s is not None and to_s is not None and not from_s < to_s:
         raise VisionError(f"from {from_s:g} s to {to_s:g} s; must be a range: exchange the two")
-
-
-def video_frames(path: Path) -> Iterator[VideoFrame]:
-    """Read the red planes of a video file; raises VisionError before the first frame."""
-    source = open_source(path)
-    return (VideoFrame(f.number, f.t_s, red_plane(f.image)) for f in source.frames())
 
 
 def red_plane(image: Image) -> Image:

@@ -73,6 +73,7 @@ class SourceFrame(NamedTuple):
     stamp: StampKind
     image: Image  # (height, width), or (height, width, 3) blue, green, red
     faults: frozenset[PictureFault] = frozenset()
+    pivot_px: tuple[float, float] | None = None  # upper end of the cable, where the source knows it
 
 
 class SourceOptions(NamedTuple):

@@ -28,6 +28,7 @@ from vision.cable_geometry import CableGeometry, ModelGeometry, TableGeometry
 from vision.camera_model import CameraParameters, SeenLine
 from vision.errors import VisionError
 from vision.filters import Angle, MovingAverage
+from vision.fitted_line import readout_rows, seen_line
 from vision.geometry import PivotModel, TrueAngle
 from vision.line_fit import Grey
 from vision.offset_table import LightOffsets, Offset, OffsetTable
@@ -185,8 +186,8 @@ class VisionTask:
         fit = placed.fit
         if fit.angle_rad is None or fit.sigma_rad is None:
             return middle_ns, ()
-        line = _seen_line(fit, fit.angle_rad, placed.pivot_px, self._rows)
-        t_ns = middle_ns + _readout_delay_ns(frame, line)
+        line = seen_line(fit, fit.angle_rad, placed.pivot_px, self._rows)
+        t_ns = middle_ns + round(frame.row_ns * readout_rows(line))
         true = self._geometry.true_angle(line, placed.offset_rad, placed.position_m)
         mean = self._average.add(t_ns, true.angle_rad, true.gain * fit.sigma_rad)
         cable = _link_angle(mean, line, true)
@@ -261,25 +262,6 @@ def _link_angle(mean: Angle, line: SeenLine, true: TrueAngle) -> LinkAngle:
         offset_rad=line.slope_rad - true.angle_rad,
         joint_px=(line.column_px, line.row_px),
     )
-
-
-def _seen_line(fit: Fit, slope_rad: float, pivot_px: tuple[float, float], height: int) -> SeenLine:
-    """Compose the fitted line, with its point in the row of the pivot."""
-    column_px, row_px = pivot_px
-    rows = (fit.first_row, fit.last_row)
-    if fit.last_row <= fit.first_row:  # not given: all rows below the pivot
-        rows = (math.ceil(min(max(row_px, 0.0), height - 2.0)), height - 1)
-    return SeenLine(column_px + (fit.pivot_miss_px or 0.0), row_px, slope_rad, *rows)
-
-
-def _readout_delay_ns(frame: Frame, line: SeenLine) -> int:
-    """Compute the delay of the angle after the exposure of row 0, for a rolling shutter [ns].
-
-    Row y is seen y row_ns later, so that a cable whose slope s changes at the rate s' is seen at
-    x - x_p = (y - y_p)(s + s' y row_ns). The best straight line over the rows y_1 to y_2 of y^2 has
-    the slope y_1 + y_2: the fitted slope is that at the time (y_1 + y_2 - y_p) row_ns.
-    """
-    return round(frame.row_ns * (line.first_row + line.last_row - line.row_px))
 
 
 def build(settings: bytes) -> VisionTask:

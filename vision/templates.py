@@ -40,6 +40,10 @@ class Templates(NamedTuple):
     # noise of the first and of the second derivative per grey level of noise
     first_norm: float
     second_norm: float
+    trend: float  # of the first one on a row that rises by one grey level a pixel
+    # gradient of a row [grey levels/px] by the two outer pixels on each side, (2 half + 1,)
+    outer: np.ndarray[Any, np.dtype[np.float32]]
+    outer_norm: float
 
     @property
     def taps(self) -> int:
@@ -63,4 +67,9 @@ def make_templates(look: CableLook) -> Templates:
     pair = np.stack([first, second], axis=1)
     pairs = np.asarray(pair - pair.mean(axis=2, keepdims=True)).astype(np.float32)
     norms = np.linalg.norm(pairs[PHASES // 2], axis=1)
-    return Templates(half, pairs, float(norms[0]), float(norms[1]))
+    trend = float(pairs[PHASES // 2, 0] @ np.arange(-half, half + 1))
+    outer = np.zeros(2 * half + 1, np.float32)
+    outer[-2:] = 0.5 / (2 * half - 1)
+    outer[:2] = -outer[-2:]
+    outer_norm = float(np.linalg.norm(outer))
+    return Templates(half, pairs, float(norms[0]), float(norms[1]), trend, outer, outer_norm)

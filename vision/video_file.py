@@ -79,7 +79,7 @@ class VideoFile:
                 found = reading.sought(count, self._stamp, self._rate_hz)
                 if found:
                     return found
-        with closing(_Reading(self._path, self.about, None, [])) as reading:
+        with closing(_Reading(self._path, self.about, None, [], cv2.getNumberOfCPUs())) as reading:
             stamped = reading.frames(self._stamp, self._rate_hz)
             return spread_evenly(within(stamped, self._options), count)
 
@@ -105,17 +105,25 @@ class VideoFile:
 
 
 class _Reading:
-    """One pass over a file."""
+    """One pass over a file.
+
+    threads: of the decoder. With more than one its complaints belong to no certain frame.
+    """
 
     def __init__(
-        self, path: Path, about: About, sizes: JpegSizes | None, findings: list[StreamFinding]
+        self,
+        path: Path,
+        about: About,
+        sizes: JpegSizes | None,
+        findings: list[StreamFinding],
+        threads: int = 1,
     ) -> None:
         self._about = about
         self._sizes = sizes
         self._findings = findings
         self._messages = DecoderMessages()
         try:
-            self._capture = _open(path, self._messages)
+            self._capture = _open(path, self._messages, threads)
         except VisionError:
             self._messages.close()
             raise
@@ -207,9 +215,9 @@ class _Reading:
         self._findings.append(StreamFinding(FindingKind.ENDS_EARLY, last, last, float(read), text))
 
 
-def _open(path: Path, messages: DecoderMessages) -> cv2.VideoCapture:
-    """Open a video file for decoding in this thread, so that each message belongs to its frame."""
-    settings = [cv2.CAP_PROP_N_THREADS, 1]
+def _open(path: Path, messages: DecoderMessages, threads: int = 1) -> cv2.VideoCapture:
+    """Open a video file; with one thread each message of the decoder belongs to its frame."""
+    settings = [cv2.CAP_PROP_N_THREADS, threads]
     capture = messages.call(cv2.VideoCapture, str(path), cv2.CAP_FFMPEG, settings)
     if not capture.isOpened():
         raise VisionError(unreadable(path))

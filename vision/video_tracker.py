@@ -48,15 +48,16 @@ class VideoTracker:
         found = look(pictures, pivots_px, self._choices)
         self.look = found
         width, height = found.view.size(*self._size)
+        is_corrected = found.is_pivot_known and not self._keeps_pivot
         if found.bob is not None:
-            self._tracker = BobTracker(found.bob)
+            is_told = bool(pivots_px) and not is_corrected
+            self._tracker = BobTracker(found.bob, is_pivot_told=is_told)
         else:
             self._tracker = Tracker(width, height, found.cable, found.scene)
-        if pivots_px and found.is_pivot_known and found.pivot is not None:
+        if pivots_px and is_corrected and found.pivot is not None:
             told = found.view.to_view(pivots_px[0], self._size)
             true = found.pivot.at_px
-            if not self._keeps_pivot:
-                self._shift_px = (true[0] - told[0], true[1] - told[1])
+            self._shift_px = (true[0] - told[0], true[1] - told[1])
 
     def measure(self, image: Grey, pivot_px: Point | None) -> Fit:
         """Measure the angle in a picture (height, width, 3) or (height, width).
@@ -64,10 +65,18 @@ class VideoTracker:
         pivot_px: None: that of the first look. Lines and rows of the result are those of the view.
         """
         fit = self._measured(image, pivot_px)
+        if self._choices.at_rest:
+            return fit  # pictures of a cable that hangs still may be equal
         repetition = self._repetition(image)
         if fit.valid and repetition is not None:
             return replace(fit, angle_rad=None, sigma_rad=None, reason=repetition, lower=None)
         return fit
+
+    @property
+    def height(self) -> int:
+        """Height of the view [px]."""
+        width, height = self._size
+        return height if self.look is None else self.look.view.size(width, height)[1]
 
     def gate_px(self, pivot_px: Point | None) -> Point | None:
         """Compute the place in the view that the cable must pass; None if it is not known."""

@@ -14,7 +14,7 @@ CHANNELS = {"blue": 0, "green": 1, "red": 2}  # OpenCV orders blue, green, red
 Point = tuple[float, float]
 
 
-class Region(NamedTuple):
+class PictureRegion(NamedTuple):
     """Rectangle of a picture [px]."""
 
     x: int
@@ -23,13 +23,13 @@ class Region(NamedTuple):
     height: int
 
 
-class View(NamedTuple):
+class PictureView(NamedTuple):
     """Choice of what is measured in a picture."""
 
     plane: str = "grey"  # one of PLANES
     is_bright: bool = False  # the cable is brighter than the ground
     turns: int = 0  # quarter turns, counterclockwise, that bring the pivot to the top
-    region: Region | None = None
+    region: PictureRegion | None = None
 
     def picture(self, image: Grey) -> Grey:
         """Extract the view of image (height, width) or (height, width, 3), contiguous."""

@@ -11,7 +11,7 @@ from vision.free_lines import find_lines
 from vision.line_fit import Grey
 from vision.ridge import grey_levels
 from vision.static_scene import StaticScene, median_picture
-from vision.view import PLANES, Region, View, is_grey
+from vision.view import PLANES, PictureRegion, PictureView, is_grey
 
 MEDIAN_PICTURES = 15
 TRIED_PICTURES = 6
@@ -19,7 +19,7 @@ STATIC_WEIGHT = 0.25  # of a line that does not move, against one that does
 
 
 class _Candidate(NamedTuple):
-    view: View
+    view: PictureView
     merit: float  # rows times strength over noise
 
 
@@ -28,8 +28,8 @@ def choose_view(
     plane: str | None,
     is_bright: bool | None,
     turns: int | None,
-    region: Region | None,
-) -> View:
+    region: PictureRegion | None,
+) -> PictureView:
     """Choose the view with the clearest line among those that the user leaves open.
 
     pictures: (height, width) or (height, width, 3). A line that moves counts more than one that
@@ -41,15 +41,15 @@ def choose_view(
     chosen = [pictures[index] for index in _spread(len(pictures), MEDIAN_PICTURES)]
     best: _Candidate | None = None
     for name in planes:
-        seen = [View(name, region=region).picture(picture) for picture in chosen]
+        seen = [PictureView(name, region=region).picture(picture) for picture in chosen]
         median = median_picture(seen)
         tried = [seen[index] for index in _spread(len(seen), TRIED_PICTURES)]
         for bright in (False, True) if is_bright is None else (is_bright,):
             for turn in (0, 1) if turns is None else (turns,):
-                turned = View("grey", bright, turn)
+                turned = PictureView("grey", bright, turn)
                 merit = _merit([turned.picture(p) for p in tried], turned.picture(median))
                 if best is None or merit > best.merit:
-                    best = _Candidate(View(name, bright, turn, region), merit)
+                    best = _Candidate(PictureView(name, bright, turn, region), merit)
     assert best is not None
     return best.view
 

@@ -25,9 +25,9 @@ from vision.line_fit import (
     coarse_line,
     huber_fit,
     huber_line,
-    row_offsets,
 )
 from vision.ridge import search
+from vision.row_offsets import row_offsets
 from vision.tracker import Fit, Tracker, TrackFailure
 
 MRAD = 1e-3

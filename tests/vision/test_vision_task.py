@@ -29,7 +29,7 @@ from comms.task import NO_STEP, Step
 from tests.vision.rendered_cable import HEIGHT, PIVOT_PX, WIDTH, Camera, Grey, Scene
 from vision import tracker
 from vision.errors import VisionError
-from vision.sources import red_plane, video_frames
+from vision.sources import open_source, red_plane
 from vision.task import VisionSettings, VisionTask, build
 
 MS = 1_000_000
@@ -343,12 +343,13 @@ def written_video(path: Path, planes: list[Grey], fps: float) -> Path:
 
 def test_a_video_gives_its_red_planes_at_the_frame_rate(tmp_path: Path, camera: Camera) -> None:
     planes = [cable_at(camera, angle) for angle in (0.0, 0.1, -0.2)]
-    seen = list(video_frames(written_video(tmp_path / "swing.avi", planes, 50.0)))
+    seen = list(open_source(written_video(tmp_path / "swing.avi", planes, 50.0)).frames())
     assert [f.number for f in seen] == [0, 1, 2]
     assert [f.t_s for f in seen] == pytest.approx([0.0, 0.02, 0.04])
     for plane, picture in zip(planes, seen, strict=True):
-        assert np.abs(picture.red.astype(int) - plane).max() <= 2
-        assert picture.red.flags.c_contiguous
+        red = red_plane(picture.image)
+        assert np.abs(red.astype(int) - plane).max() <= 2
+        assert red.flags.c_contiguous
 
 
 def test_a_single_plane_is_returned_unchanged(camera: Camera) -> None:
@@ -358,7 +359,7 @@ def test_a_single_plane_is_returned_unchanged(camera: Camera) -> None:
 
 def test_a_missing_video_is_refused(tmp_path: Path) -> None:
     with pytest.raises(VisionError, match="no such file"):
-        video_frames(tmp_path / "nowhere.avi")
+        open_source(tmp_path / "nowhere.avi")
 
 
 @pytest.mark.parametrize("name", ["text.avi", "text.mp4"])
@@ -371,8 +372,8 @@ def test_a_file_that_is_no_video_is_refused_with_a_single_message(
         "import sys\n"
         "from pathlib import Path\n"
         "from vision.errors import VisionError\n"
-        "from vision.sources import video_frames\n"
-        "try: video_frames(Path(sys.argv[1]))\n"
+        "from vision.sources import open_source\n"
+        "try: open_source(Path(sys.argv[1]))\n"
         "except VisionError as e: sys.exit('refused: ' + str(e))"
     )
     run = subprocess.run(

@@ -15,7 +15,7 @@ from rig.errors import ConfigError
 from rig.run.toml_file import read_text
 from vision.errors import VisionError
 from vision.line_fit import Grey
-from vision.sources import red_plane, video_frames
+from vision.sources import open_source, red_plane
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".webp")
 PLACE_COLUMNS = ["x_m", "y_m", "z_m"]
@@ -54,8 +54,8 @@ def _read_picture(path: Path) -> Grey:
 
 def _read_video(path: Path) -> Iterator[tuple[str, Grey]]:
     try:
-        for frame in video_frames(path):
-            yield f"frame {frame.number}", frame.red
+        for frame in open_source(path).frames():
+            yield f"frame {frame.number}", red_plane(frame.image)
     except VisionError as error:
         raise ConfigError(str(error)) from None
 

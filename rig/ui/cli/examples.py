@@ -31,7 +31,7 @@ EXAMPLES = {
         "sim --video v.avi --truth t.csv --seconds 2 --set bench.camera.pitch_deg=0",
     ),
     "track": (
-        "track v.avi --pivot 320,-58.8 --csv angles.csv",
+        "track v.avi --csv angles.csv",
         "track --benchmark --scenes clean,no_cable --frames 50",
     ),
     "analyze": (

@@ -141,4 +141,4 @@ def _print_written(scene: Scene, files: VideoFiles, frames: int, as_json: bool) 
         return
     megabytes = files.video.stat().st_size / 1e6
     print_whole(f"{frames} frames in {files.video} ({megabytes:.0f} MB), truth in {files.truth}")
-    print_whole(f"next: rig track {shlex.quote(str(files.video))} --pivot {x:.1f},{y:.1f}")
+    print_whole(f"next: rig track {shlex.quote(str(files.video))}")

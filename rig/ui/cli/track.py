@@ -10,11 +10,6 @@ import typer
 from rig.errors import ConfigError
 from rig.ui.cli.common_options import AsJson
 
-COLUMNS = (
-    "frame, t_s, stamp, angle_rad, sigma_rad, valid, reason, rows, residual_px, pivot_miss_px, "
-    "bend_px, plane"
-)
-
 
 def track(
     video: Annotated[
@@ -55,6 +50,25 @@ def track(
         float | None,
         typer.Option(help="True frame rate of slow motion or time lapse \\[Hz]."),
     ] = None,
+    row_time: Annotated[
+        float | None,
+        typer.Option(help="Time between two rows of a rolling shutter \\[us].", show_default=False),
+    ] = None,
+    calibration: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="File of `rig calibrate offsets` or `camera`: angles of the cable, not of its "
+            "picture.",
+        ),
+    ] = None,
+    position: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X[,Y,Z]",
+            help="Place of the platform with --calibration; home by default \\[m].",
+        ),
+    ] = None,
     at_rest: Annotated[
         bool,
         typer.Option("--at-rest", help="Measure a cable that never moves; else it is 'static'."),
@@ -74,7 +88,8 @@ def track(
         Path | None, typer.Option(help="Figure of the first look: .svg, .png or .pdf.")
     ] = None,
     csv_file: Annotated[
-        Path | None, typer.Option("--csv", help=f"CSV file, one row a frame: {COLUMNS}.")
+        Path | None,
+        typer.Option("--csv", help="CSV file, one row a frame; columns: docs/vision.md."),
     ] = None,
     mcap: Annotated[
         Path | None, typer.Option(help="Log of the angles, as in a run: .mcap.")
@@ -127,6 +142,9 @@ def track(
         "--from": from_s,
         "--to": to_s,
         "--rate": rate,
+        "--row-time": row_time,
+        "--calibration": calibration,
+        "--position": position,
         "--at-rest": at_rest or None,
         "--filter": filter_text,
         "--look": look or None,
@@ -161,6 +179,9 @@ def track(
             from_s=from_s,
             to_s=to_s,
             rate_hz=rate,
+            row_us=row_time,
+            calibration=calibration,
+            position=position,
             at_rest=at_rest,
             filter=filter_text,
             look=look,

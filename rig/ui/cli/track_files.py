@@ -10,7 +10,6 @@ from typing import Any
 import cv2
 import numpy as np
 
-from comms.channels import CHANNELS
 from comms.mcap_log import LogWriter
 from comms.messages import AngleSample, InvalidReason, LinkAngle, SwingPlane
 from rig.errors import ConfigError
@@ -24,7 +23,7 @@ MAX_MISS_PX = 1e4  # of the wire
 OVERLAY_CODECS = {".avi": "MJPG", ".mkv": "MJPG", ".mp4": "mp4v"}
 DEFAULT_RATE_HZ = 25.0
 AXIS_COLOUR, REFUSED_COLOUR, PIVOT_COLOUR = (60, 180, 60), (60, 60, 220), (220, 120, 30)
-ANGLE_TOPIC = "angle_1"
+ANGLE_TOPIC = "/angle_1"  # as in the log of a run
 
 
 def write_table(path: Path, rows: Sequence[TrackedFrame], more: dict[str, list[Any]]) -> None:
@@ -60,15 +59,25 @@ def write_log(
 
 def _sample(seq: int, t_ns: int, row: TrackedFrame, joint_px: Point | None) -> AngleSample:
     links: tuple[LinkAngle, ...] = ()
-    if row.angle_rad is not None and row.sigma_rad is not None:
+    raw_rad = row.raw_rad
+    if row.angle_rad is not None and row.sigma_rad is not None and raw_rad is not None:
         link = LinkAngle(
             angle_rad=row.angle_rad,
             sigma_rad=row.sigma_rad,
-            raw_rad=row.angle_rad,
-            offset_rad=0.0,
+            raw_rad=raw_rad,
+            offset_rad=raw_rad - row.angle_rad,
             joint_px=joint_px,
         )
         links = (link,)
+    if links and row.lower_rad is not None and row.lower_sigma_rad is not None:
+        lower = LinkAngle(
+            angle_rad=row.lower_rad,
+            sigma_rad=row.lower_sigma_rad,
+            raw_rad=row.lower_rad,
+            offset_rad=0.0,
+            joint_px=_joint(row),
+        )
+        links = (*links, lower)
     miss_px = row.pivot_miss_px
     return AngleSample(
         seq=seq,
@@ -85,6 +94,12 @@ def _sample(seq: int, t_ns: int, row: TrackedFrame, joint_px: Point | None) -> A
         saturation=0.0,
         links=links,
     )
+
+
+def _joint(row: TrackedFrame) -> Point | None:
+    if row.joint_x_px is None or row.joint_y_px is None:
+        return None
+    return row.joint_x_px, row.joint_y_px
 
 
 class OverlayVideo:
@@ -157,6 +172,5 @@ class OverlayVideo:
 def check_log(path: Path) -> None:
     """Check the name of a log; raises ConfigError."""
     check_folder("--mcap", path)
-    assert ANGLE_TOPIC in CHANNELS
     if path.suffix != ".mcap":
         raise ConfigError(f"--mcap {str(path)!r}; must end in .mcap: rename it")

@@ -7,13 +7,14 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 from scipy.signal import lombscargle
 
 from rig.errors import ConfigError
 from vision.filters import (
     FilteredAngles,
+    FilterResponse,
     FloatArray,
-    Response,
     average_response,
     averaged,
     notch_coefficients,
@@ -39,7 +40,7 @@ class Filtered(NamedTuple):
     t_s: list[float]
     angle_rad: list[float | None]
     swing_hz: float
-    response: Response
+    response: FilterResponse
     text: str
 
     def facts(self) -> dict[str, Any]:
@@ -98,7 +99,7 @@ class AngleFilter(NamedTuple):
         )
         return _as_filtered(undone(raw, response, delay_s), swing_hz, response, text)
 
-    def _notch_response(self, period_s: float, swing_hz: float) -> Response:
+    def _notch_response(self, period_s: float, swing_hz: float) -> FilterResponse:
         if self.notch_hz >= 0.5 / period_s:
             raise ConfigError(
                 f"--filter notch:{self.notch_hz:g} at {1.0 / period_s:.4g} frames/s; must be below "
@@ -127,16 +128,28 @@ def filter_of(text: str) -> AngleFilter:
 
 
 def frequency_of(t_s: FloatArray, angle_rad: FloatArray, period_s: float) -> float:
-    """Find the frequency of the strongest sine in angles (N,), gaps allowed [Hz]."""
+    """Find the frequency of the strongest sine in angles (N,), gaps allowed [Hz].
+
+    A constant is fitted with the sine: the mean of a part of a period is not its middle.
+    """
     span_s = float(t_s.max() - t_s.min())
     step_hz = 1.0 / (GRID_PER_CYCLE * span_s)
     grid_hz = np.arange(0.5 / span_s, 0.5 / period_s, step_hz)
     power = lombscargle(t_s, angle_rad - angle_rad.mean(), math.tau * grid_hz)
-    return float(grid_hz[int(np.argmax(power))])
+    strongest_hz = float(grid_hz[int(np.argmax(power))])
+
+    def misfit(frequency_hz: float) -> float:
+        phase = math.tau * frequency_hz * t_s
+        design = np.stack([np.cos(phase), np.sin(phase), np.ones_like(phase)], axis=1)
+        _, residual, rank, _ = np.linalg.lstsq(design, angle_rad, rcond=None)
+        return float(residual[0]) if rank == 3 else math.inf
+
+    bounds = (max(strongest_hz - 2.0 * step_hz, 0.25 / span_s), strongest_hz + 2.0 * step_hz)
+    return float(minimize_scalar(misfit, bounds=bounds, method="bounded").x)
 
 
 def _as_filtered(
-    angles: FilteredAngles, swing_hz: float, response: Response, text: str
+    angles: FilteredAngles, swing_hz: float, response: FilterResponse, text: str
 ) -> Filtered:
     values = [float(a) if math.isfinite(a) else None for a in angles.angle_rad]
     return Filtered(angles.t_s.tolist(), values, swing_hz, response, text)

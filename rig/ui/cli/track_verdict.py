@@ -8,15 +8,18 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from rig.ui.cli.track_calibration import VideoCalibration
 from vision.first_look import Look
 from vision.look_findings import LookFinding, told_pivot_finding
-from vision.stream import FindingKind, StreamFinding
+from vision.stream import FindingKind, FrameStream, StreamFinding
 from vision.tracked import TrackedFrame
 from vision.view import Point
 
 Verdict = Literal["good", "doubtful", "bad"]
 MIN_VALID_SHARE = 0.5
 MIN_SIDE_SHARE = 0.4  # of the swing seen, on each side of its middle
+BEND_SIGMAS, MIN_BEND_PX, MIN_BENT_SHARE = 6.0, 0.1, 0.1
+MAX_PLACES = 8  # named in one line
 MIN_SWING_RAD = 2e-3  # of a swing whose sides are told apart
 # what makes time, order or number of the frames untrue
 TIME_FINDINGS = {
@@ -43,7 +46,19 @@ NEXT_STEPS = {
 }
 
 
-class Judgement(NamedTuple):
+class TrackedVideo(NamedTuple):
+    """Result of a video."""
+
+    rows: list[TrackedFrame]
+    look: Look
+    source: FrameStream
+    findings: Sequence[StreamFinding]
+    told: Point | None
+    gate_px: Point | None  # in the view
+    calibration: VideoCalibration | None
+
+
+class VideoJudgement(NamedTuple):
     """Verdict with its reasons, and remarks that do not change it."""
 
     verdict: Verdict
@@ -59,10 +74,9 @@ def worded(finding: LookFinding) -> str:
     return f"{finding.text}: try {option} {finding.value}".rstrip()
 
 
-def judge(
-    rows: Sequence[TrackedFrame], look: Look, told: Point | None, findings: Sequence[StreamFinding]
-) -> Judgement:
-    """Judge the frames of a video; told: pivot by the user, in pixels of the picture."""
+def judge(tracked: TrackedVideo, *, has_row_time: bool = False) -> VideoJudgement:
+    """Judge the frames of a video; has_row_time: the rolling shutter is known."""
+    rows, look, told = tracked.rows, tracked.look, tracked.told
     reasons: list[str] = []
     valid = [row for row in rows if row.valid]
     if len(valid) < MIN_VALID_SHARE * len(rows):
@@ -76,14 +90,49 @@ def judge(
         remarks: list[str] = []
     else:
         remarks = [*wrong_pivot, *seen]
-    for finding in findings:
-        text = f"frame {finding.first}: {finding.text}"
-        if finding.last > finding.first:
-            text = f"frames {finding.first} to {finding.last}: {finding.text}"
-        (reasons if finding.kind in TIME_FINDINGS else remarks).append(text)
+    if tracked.calibration is not None:
+        misplaced = tracked.calibration.finding(look)
+        reasons += [misplaced] if misplaced else []
+    reasons += _grouped([found for found in tracked.findings if found.kind in TIME_FINDINGS])
+    remarks += _grouped([found for found in tracked.findings if found.kind not in TIME_FINDINGS])
+    remarks += _bend(valid, has_row_time)
     if not valid:
-        return Judgement("bad", reasons, remarks)
-    return Judgement("doubtful" if reasons else "good", reasons, remarks)
+        return VideoJudgement("bad", reasons, remarks)
+    return VideoJudgement("doubtful" if reasons else "good", reasons, remarks)
+
+
+def _grouped(findings: Sequence[StreamFinding]) -> Iterator[str]:
+    """Word the irregularities of the stream; those with one text in one line."""
+    places: dict[str, list[str]] = {}
+    for found in findings:
+        place = f"{found.first}" if found.last == found.first else f"{found.first} to {found.last}"
+        places.setdefault(found.text, []).append(place)
+    for text, where in places.items():
+        shown = ", ".join(where[:MAX_PLACES])
+        if len(where) > MAX_PLACES:
+            shown += f" and {len(where) - MAX_PLACES} more"
+        noun = "frame" if len(where) == 1 and " " not in shown else "frames"
+        yield f"{noun} {shown}: {text}"
+
+
+def _bend(valid: Sequence[TrackedFrame], has_row_time: bool) -> Iterator[str]:
+    """Report an axis that is bent beyond its noise, and what bends it."""
+    bent = [
+        abs(row.bend_px)
+        for row in valid
+        if abs(row.bend_px) > max(BEND_SIGMAS * row.sigma_bend_px, MIN_BEND_PX)
+    ]
+    if len(bent) < MIN_BENT_SHARE * len(valid) or not bent:
+        return
+    text = f"the line is bent by up to {max(bent):.2f} px in {len(bent)} of {len(valid)} frames"
+    if has_row_time:
+        yield f"{text} beyond what the rolling shutter does: a bent cable, or a lens that bends it"
+    else:
+        yield (
+            f"{text}: a bent cable, a lens, or a rolling shutter; either way the angle is that of "
+            "the best straight line. Give the time of a row with --row-time to tell a rolling "
+            "shutter, and to correct the time stamps by it"
+        )
 
 
 def _refusals(rows: Sequence[TrackedFrame], valid: int) -> Iterator[str]:

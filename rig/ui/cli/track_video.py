@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import cv2
 from rich.progress import Progress
@@ -12,16 +11,17 @@ from rich.progress import Progress
 from rig.errors import BAD_DATA, EXIT_STATUS, OK, ConfigError
 from rig.ui.cli.output import COLOUR, print_json
 from rig.ui.cli.page import err, print_paragraph, print_written
+from rig.ui.cli.track_calibration import read_calibration
 from rig.ui.cli.track_files import OverlayVideo, check_log, write_log, write_table
 from rig.ui.cli.track_filter import AngleFilter, Filtered, filter_of
 from rig.ui.cli.track_options import TrackOptions
-from rig.ui.cli.track_verdict import Judgement, judge, worded
+from rig.ui.cli.track_verdict import TrackedVideo, VideoJudgement, judge, worded
 from rig.ui.plots import picture_file
 from vision.errors import VisionError
 from vision.first_look import Look, Subject
 from vision.sources import open_source
-from vision.stream import FrameStream, StreamFinding
-from vision.tracked import TrackedFrame, tracked_frames
+from vision.stream import FrameStream, SourceFrame
+from vision.tracked import MeasureOptions, TrackedFrame, tracked_frames, without_readout_bend
 from vision.video_tracker import VideoTracker
 from vision.view import Point
 
@@ -34,30 +34,17 @@ SUBJECTS = {
 }
 
 
-class Tracked(NamedTuple):
-    """Result of a video."""
-
-    rows: list[TrackedFrame]
-    look: Look
-    source: FrameStream
-    findings: Sequence[StreamFinding]
-    told: Point | None
-    gate_px: Point | None  # in the view
-
-
 def track_video(options: TrackOptions) -> int:
     """Track a video, write the files wanted and print the summary; returns the exit code."""
-    pivot_px, choices = options.pivot_px(), options.choices()
+    pivot_px, choices, row_s = options.pivot_px(), options.choices(), options.row_s()
+    position_m = options.position_m()
     wanted = None if options.filter is None else filter_of(options.filter)
     _check_files(options)
     cv2.setNumThreads(1)
-    source = open_source(options.video, options.source())
+    source = _opened(options)
     spread = source.spread(LOOK_PICTURES)
     if not spread:
-        raise VisionError(
-            f"{options.video}: 0 frames decoded; must be 1 or more: the file is empty or cut short "
-            "(record it again), or --from and --to leave none"
-        )
+        raise _no_frames(options, source)
     height, width = spread[0].image.shape[:2]
     if choices.region is not None:
         x, y, w, h = choices.region
@@ -66,9 +53,14 @@ def track_video(options: TrackOptions) -> int:
                 f"--roi '{options.roi}'; must lie in the picture of {width} x {height} px: "
                 "correct it"
             )
+    calibration = None
+    if options.calibration is not None:
+        calibration = read_calibration(options.calibration, position_m, (width, height))
+    expected_px = pivot_px
+    if calibration is not None and pivot_px is None:
+        expected_px = calibration.placement.pivot_px()
     tracker = VideoTracker(width, height, choices, keeps_pivot=pivot_px is not None)
-    same_size = [frame.image for frame in spread if frame.image.shape == spread[0].image.shape]
-    tracker.prepare(same_size, [pivot_px] * len(same_size) if pivot_px else None)
+    _prepare(tracker, spread, expected_px)
     assert tracker.look is not None
     if options.plot is not None:
         _draw_look(options, tracker.look)
@@ -76,16 +68,51 @@ def track_video(options: TrackOptions) -> int:
         return _show_look(options, tracker.look, source)
     if not options.as_json:
         _print_look(options, tracker.look, source)
-    rows = _measure(options, source, tracker, pivot_px)
-    told = Tracked(
-        rows,
-        tracker.look,
-        source,
-        list(source.findings),
-        pivot_px,
-        tracker.gate_px(pivot_px),
+    placement = None if calibration is None else calibration.placement
+    chosen = MeasureOptions(expected_px, placement, row_s, choices.at_rest)
+    rows = _measure(options, source, tracker, chosen)
+    if row_s:
+        rows = without_readout_bend(rows, row_s)
+    gate_px = tracker.gate_px(expected_px)
+    findings = list(source.findings)
+    tracked = TrackedVideo(rows, tracker.look, source, findings, pivot_px, gate_px, calibration)
+    return _finish(options, tracked, wanted)
+
+
+def _opened(options: TrackOptions) -> FrameStream:
+    try:
+        return open_source(options.video, options.source())
+    except VisionError as error:
+        raise ConfigError(str(error)) from None
+
+
+def _prepare(tracker: VideoTracker, spread: list[SourceFrame], expected_px: Point | None) -> None:
+    """Show spread frames of one size to the tracker, with the pivot where it is known."""
+    shape = spread[0].image.shape
+    used = [frame for frame in spread if frame.image.shape == shape]
+    pivots = [frame.pivot_px or expected_px for frame in used]
+    known = [pivot for pivot in pivots if pivot is not None]
+    pictures = [frame.image for frame in used]
+    tracker.prepare(pictures, known if len(known) == len(used) else None)
+
+
+def _no_frames(options: TrackOptions, source: FrameStream) -> Exception:
+    """Explain why no frame was read."""
+    if options.from_s is None and options.to_s is None:
+        return VisionError(
+            f"{options.video}: 0 frames decoded; must be 1 or more: the file is empty or cut "
+            "short, record it again"
+        )
+    about = source.about
+    stated = "its length"
+    if about.frames is not None and about.rate_hz is not None:
+        stated = f"about {about.frames / about.rate_hz:.4g} s"
+    part = [f"--from {options.from_s:g}"] if options.from_s is not None else []
+    part += [f"--to {options.to_s:g}"] if options.to_s is not None else []
+    return ConfigError(
+        f"{' '.join(part)} leaves no frame of {options.video}; must be within 0 and {stated}: "
+        "choose another part"
     )
-    return _finish(options, told, wanted)
 
 
 def _check_files(options: TrackOptions) -> None:
@@ -99,7 +126,7 @@ def _check_files(options: TrackOptions) -> None:
 
 
 def _measure(
-    options: TrackOptions, source: FrameStream, tracker: VideoTracker, pivot_px: Point | None
+    options: TrackOptions, source: FrameStream, tracker: VideoTracker, chosen: MeasureOptions
 ) -> list[TrackedFrame]:
     overlay: OverlayVideo | None = None
     if options.overlay is not None and tracker.look is not None:
@@ -107,7 +134,7 @@ def _measure(
     rows: list[TrackedFrame] = []
     with Progress(console=err, transient=True, disable=options.as_json) as bar:
         line = bar.add_task("measuring", total=source.about.frames)
-        for tracked in tracked_frames(source.frames(), tracker, pivot_px):
+        for tracked in tracked_frames(source.frames(), tracker, chosen):
             rows.append(tracked.row)
             if overlay is not None:
                 overlay.add(tracked)
@@ -117,11 +144,11 @@ def _measure(
     return rows
 
 
-def _finish(options: TrackOptions, tracked: Tracked, wanted: AngleFilter | None) -> int:
+def _finish(options: TrackOptions, tracked: TrackedVideo, wanted: AngleFilter | None) -> int:
     """Write the files and print the summary."""
     filtered: Filtered | None = None
     more: dict[str, list[Any]] = {}
-    judgement = judge(tracked.rows, tracked.look, tracked.told, tracked.findings)
+    judgement = judge(tracked, has_row_time=options.row_us is not None)
     if wanted is not None and judgement.verdict != "bad":
         filtered = wanted.apply(tracked.rows)
         more = {"filtered_t_s": filtered.t_s, "filtered_rad": filtered.angle_rad}
@@ -135,7 +162,7 @@ def _finish(options: TrackOptions, tracked: Tracked, wanted: AngleFilter | None)
     if options.as_json:
         print_json(_document(options, tracked, judgement, filtered, code))
         return code
-    _print_summary(tracked.rows, judgement, filtered)
+    _print_summary(tracked, judgement, filtered)
     print_written(options.csv, options.mcap, options.overlay, options.plot)
     return code
 
@@ -183,8 +210,8 @@ def look_document(look: Look) -> dict[str, Any]:
 
 def _document(
     options: TrackOptions,
-    tracked: Tracked,
-    judgement: Judgement,
+    tracked: TrackedVideo,
+    judgement: VideoJudgement,
     filtered: Filtered | None,
     code: int,
 ) -> dict[str, Any]:
@@ -196,6 +223,7 @@ def _document(
         "frames": len(rows),
         "valid": sum(row.valid for row in rows),
         "refused": dict(Counter(row.reason for row in rows if not row.valid)),
+        "calibration": None if tracked.calibration is None else tracked.calibration.name,
         "look": look_document(tracked.look),
         "findings": [
             {"kind": f.kind.value, "first": f.first, "last": f.last, "text": f.text}
@@ -237,8 +265,9 @@ def _print_look(options: TrackOptions, look: Look, source: FrameStream) -> None:
 
 
 def _print_summary(
-    rows: Sequence[TrackedFrame], judgement: Judgement, filtered: Filtered | None
+    tracked: TrackedVideo, judgement: VideoJudgement, filtered: Filtered | None
 ) -> None:
+    rows = tracked.rows
     valid = [row for row in rows if row.valid]
     refused = Counter(row.reason for row in rows if not row.valid)
     rejected = ", ".join(f"{reason} {count}" for reason, count in refused.most_common())
@@ -248,9 +277,12 @@ def _print_summary(
     if valid:
         angles = [row.angle_rad or 0.0 for row in valid]
         sigmas = sorted(row.sigma_rad or 0.0 for row in valid)
+        where = "in the picture"
+        if tracked.calibration is not None:
+            where = f"of the cable, by {tracked.calibration.name}"
         print_paragraph(
-            f"angle: {min(angles) * 1e3:.2f} to {max(angles) * 1e3:.2f} mrad, standard deviation "
-            f"{sigmas[len(sigmas) // 2] * 1e3:.3f} mrad (median)"
+            f"angle {where}: {min(angles) * 1e3:.2f} to {max(angles) * 1e3:.2f} mrad, standard "
+            f"deviation {sigmas[len(sigmas) // 2] * 1e3:.3f} mrad (median)"
         )
     if filtered is not None:
         print_paragraph(filtered.text)

@@ -146,11 +146,9 @@ def test_a_synthetic_video_is_tracked_to_its_truth(rig):
     )
     told = msgspec.json.decode(said)
     assert (code, told["frames"]) == (0, 50)
-    pivot = ",".join(map(str, told["pivot_px"]))
-    code, _, _ = rig("track", "v.avi", "--pivot", pivot, "--csv", "a.csv")
+    code, _, _ = rig("track", "v.avi", "--csv", "a.csv")
     seen, true = table("a.csv"), table("t.csv")
     assert code == 0
-    assert list(seen[0]) == ["frame", "t_s", "angle_rad", "sigma_rad", "valid", "reason"]
     errors = [
         float(a["angle_rad"]) - float(b["angle_rad"]) for a, b in zip(seen, true, strict=True)
     ]
@@ -300,7 +298,7 @@ def test_a_video_without_a_cable_is_not_taken_for_one_with(rig):
     )
     code, said, _ = rig("track", "v.avi", "--pivot", "320,-40")
     assert code == 6
-    assert "check --pivot" in said.replace("\n", " ")
+    assert "no line stands out" in said
 
 
 def test_a_camera_that_sees_nothing_stops_the_move_as_a_fault(rig):

@@ -139,7 +139,6 @@ def test_without_a_choice_all_scenes_are_measured(rig, monkeypatch) -> None:
 
 MISTAKES = {
     "neither video nor benchmark": (["track"], "VIDEO: missing; must be a video file"),
-    "no pivot": (["track", "v.avi"], "--pivot: missing; must be X,Y in pixels"),
     "a video too": ([*BRIEF, "v.avi"], "VIDEO v.avi with --benchmark"),
     "a pivot too": ([*BRIEF, "--pivot", "1,2"], "--pivot 1,2 with --benchmark"),
     "scenes without benchmark": (
