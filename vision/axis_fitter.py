@@ -109,17 +109,17 @@ class AxisFitter:
             return None
         if count < len(v):
             v, offset_px, curvature = v[good], offset_px[good], curvature[good]
+        if static_rows and not self._sees_upper(assumed, v):
+            # the joint is hidden: these rows are those of the second link alone
+            lower = Axis(assumed.lower_line)
+            offset_px = offset_px + self.columns(assumed, v) - self.columns(lower, v)
+            assumed = lower
         offsets = RowOffsets(offset_px, curvature)
         return self._fitted(assumed, MeasuredRows(v, offsets, visible, static_rows), noise)
 
     def _fitted(self, assumed: Axis, rows: MeasuredRows, noise: float) -> MeasuredAxis:
         """Fit the axis to the offsets of the rows from an assumed one."""
         v, offsets = rows.v, rows.offsets
-        if rows.static and not self._sees_upper(assumed, v):
-            lower = assumed.lower_line
-            change_px = self.columns(assumed, v) - lower.at(v)
-            offsets = RowOffsets(offsets.offset_px + change_px, offsets.curvature)
-            assumed, rows = Axis(lower), rows._replace(offsets=offsets)
         if assumed.knee_row is not None:
             measured = None
             if has_links(v, assumed, self._height):
