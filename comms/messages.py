@@ -54,6 +54,7 @@ class InvalidReason(enum.Enum):
     DUPLICATE = "duplicate"  # the picture before once more
     FROZEN = "frozen"  # the same picture for a while
     DAMAGED = "damaged"  # rows of the picture are wrong
+    SCENE_MOVED = "scene_moved"  # what never moves is not where the calibration has it
 
 
 class Space(enum.Enum):

@@ -26,6 +26,14 @@ class Axis(NamedTuple):
         """True if it is not a straight line."""
         return bool(self.bend_px) or self.knee_row is not None
 
+    @property
+    def lower_line(self) -> ImageLine:
+        """Straight line of the second link; that of the axis where it has no joint."""
+        if self.knee_row is None:
+            return self.line
+        slope = self.line.slope + self.knee_slope
+        return ImageLine(self.line.at(self.knee_row) - slope * self.knee_row, slope)
+
     def extrapolated(self, before: Axis | None) -> Axis:
         """Predict the shape of the next axis from the last two, where both have a joint."""
         if before is None or self.knee_row is None or before.knee_row is None:

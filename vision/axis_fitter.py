@@ -58,6 +58,8 @@ class AxisFitter:
         """Use the templates of another cable."""
         self.look = look
         self._templates = make_templates(look)
+        if self._static is not None:
+            self._static = self._static.reaching(self._templates.half_px)
         self._border_px = self._templates.half_px + 1
         self._max_newton_px = max(MAX_NEWTON_PX, MAX_NEWTON_BLURS * look.blur_px)
 
@@ -107,6 +109,11 @@ class AxisFitter:
             return None
         if count < len(v):
             v, offset_px, curvature = v[good], offset_px[good], curvature[good]
+        if static_rows and not self._sees_upper(assumed, v):
+            # the joint is hidden: these rows are those of the second link alone
+            lower = Axis(assumed.lower_line)
+            offset_px = offset_px + self.columns(assumed, v) - self.columns(lower, v)
+            assumed = lower
         offsets = RowOffsets(offset_px, curvature)
         return self._fitted(assumed, MeasuredRows(v, offsets, visible, static_rows), noise)
 
@@ -166,6 +173,13 @@ class AxisFitter:
         if np.count_nonzero(rows.v < knee.row) < MIN_LINK_SHARE * self._height:
             return None
         return Axis(knee.line, knee_row=knee.row, knee_slope=knee.change)
+
+    def _sees_upper(self, axis: Axis, v: Rows) -> bool:
+        """Tell if enough of the rows v (N,) are above the joint; True without one."""
+        if axis.knee_row is None:
+            return True
+        above = int(np.count_nonzero(v < axis.knee_row))
+        return above >= MIN_LINK_SHARE * self._height
 
     def _is_bent(self, part: slice | Rows, fit: AxisFit) -> bool:
         """Tell if the rows lie on a parabola rather than on a line."""

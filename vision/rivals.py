@@ -47,7 +47,7 @@ class RivalWatch:
         if is_due and self._sees_rival(image, levels, measured, pivot_px, static):
             self._since = 0
             return True
-        return self._since < MEMORY_FRAMES and static is None
+        return self._since < MEMORY_FRAMES
 
     def _sees_rival(
         self,

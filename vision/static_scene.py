@@ -11,7 +11,7 @@ import numpy as np
 from vision.line_fit import FloatArray, Grey, Rows
 
 EDGE_LEVELS_PX = 3.0  # a steeper change of the level is structure [grey levels/px]
-FLANK_PX = 3  # of a blurred edge, beyond where it is that steep
+FLANK_PX = 2  # of a blurred edge, beyond where it is that steep
 SMOOTH_PX = 0.8  # standard deviation, before the edges are looked for
 
 Mask = np.ndarray[Any, np.dtype[np.bool_]]
@@ -30,11 +30,16 @@ class StaticScene:
 
     def __init__(self, picture: Grey, reach_px: int) -> None:
         self.picture = np.ascontiguousarray(picture)
+        self.reach_px = reach_px
         smooth = cv2.GaussianBlur(self.picture, (0, 0), SMOOTH_PX)
         slope = cv2.Sobel(smooth, cv2.CV_32F, 1, 0, ksize=1, scale=0.5)
         edges = (np.abs(slope) > EDGE_LEVELS_PX).astype(np.uint8)
         kernel = np.ones((1, 2 * (reach_px + FLANK_PX) + 1), np.uint8)
         self._is_structure: Mask = cv2.dilate(edges, kernel).astype(bool)
+
+    def reaching(self, reach_px: int) -> StaticScene:
+        """Return the scene for templates as wide as that, at least."""
+        return self if reach_px <= self.reach_px else StaticScene(self.picture, reach_px)
 
     def without(self, image: Grey) -> Grey:
         """Remove what never moves: a white picture with what is darker than the scene."""

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import cv2
 import msgspec
+import numpy as np
 
 from comms.channels import vision_task
 from comms.messages import (
@@ -25,13 +26,18 @@ from comms.replies import Replies
 from comms.task import NO_STEP, Send, Step
 from vision.cable_geometry import CableGeometry, ModelGeometry, TableGeometry
 from vision.camera_model import CameraParameters, SeenLine
+from vision.errors import VisionError
 from vision.filters import Angle, MovingAverage
 from vision.fitted_line import readout_rows, seen_line
 from vision.geometry import PivotModel, TrueAngle
+from vision.line_fit import Grey
 from vision.offset_table import LightOffsets, Offset, OffsetTable
 from vision.platform_track import PlatformPoint, PlatformTrack
 from vision.ridge import grey_levels
+from vision.scene_check import SceneCheck
 from vision.sources import red_plane
+from vision.static_scene import StaticScene
+from vision.templates import CableLook, make_templates
 from vision.tracker import Fit, Tracker
 
 MAX_GAP_PERIODS = 1.5  # between two time stamps; beyond, a frame is missing
@@ -57,6 +63,7 @@ class VisionSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
     camera_distance_m: float | None = None  # from the camera to the plane of the swing
     # in place of pivot, scale and distance; the offsets are then those that it leaves
     model: CameraParameters | None = None
+    static_scene: bytes | None = None  # PNG (height, width) of what never moves, grey
     rows: int = 0  # of the picture that the tracker uses, from the top; 0 = all
     average_frames: int = 3
     processing_ns: int = 2_000_000  # from the arrival of the frame to the sending of the angle
@@ -86,7 +93,13 @@ class VisionTask:
         self._channel = f"angle_{settings.camera}"
         self._axis = 0 if settings.swing_plane is SwingPlane.X else 1  # of a position
         self._rows = min(settings.rows or settings.height, settings.height)
-        self._tracker = Tracker(settings.width, self._rows)
+        static: StaticScene | None = None
+        self._scene_check: SceneCheck | None = None
+        if settings.static_scene is not None:
+            scene = _scene(settings.static_scene, settings)[: self._rows]
+            static = StaticScene(scene, make_templates(CableLook()).half_px)
+            self._scene_check = SceneCheck(scene)
+        self._tracker = Tracker(settings.width, self._rows, static=static)
         self._geometry = _geometry(settings, self._axis)
         self._offsets: OffsetTable | None = None
         if settings.x_m or settings.offset_rad:
@@ -206,10 +219,26 @@ class VisionTask:
             fit = Fit(background=levels.background, saturation=levels.saturation)
             return fit, InvalidReason.OUT_OF_RANGE
         fit = self._tracker.measure(red, pivot_px)
+        check = self._scene_check
+        if fit.valid and check is not None and not check.fits(red, fit, self._tracker.look):
+            return fit, InvalidReason.SCENE_MOVED
         return fit, InvalidReason(fit.reason.value)
 
     def _offset_at(self, place_m: float, background: float) -> Offset:
         return self._offsets.at(place_m, background) if self._offsets else Offset(0.0, within=True)
+
+
+def _scene(png: bytes, settings: VisionSettings) -> Grey:
+    """Decode the picture of the static scene; raises VisionError."""
+    scene = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_GRAYSCALE)
+    size = None if scene is None else scene.shape[::-1]
+    expected = (settings.width, settings.height)
+    if scene is None or size != expected:
+        raise VisionError(
+            f"static scene of {len(png)} bytes is a picture of {size}; must be a PNG of {expected} "
+            "as [camera]: calibrate again"
+        )
+    return np.asarray(scene, np.uint8)
 
 
 def _geometry(settings: VisionSettings, axis: int) -> CableGeometry:

@@ -17,7 +17,7 @@ from planners.errors import PlanError
 from planners.problem import Limits, Plan, Problem
 from planners.trajectories.motion import AXES, Motion
 from rig.errors import ConfigError, Refused
-from rig.run.calibration import camera_file
+from rig.run.calibration import camera_file, static_scene
 from rig.run.calibration import file as calibration_file
 from rig.run.calibration.camera_file import CameraFile
 from rig.run.camera_axes import check_axes
@@ -161,8 +161,9 @@ def prepare(
         "bench": plant.settings,
         "controller": _controller_settings(experiment, envelope, robot, len(watching)),
     }
-    for camera, calibration, file in zip(watching, calibrations, files, strict=True):
-        vision = vision_settings(experiment, camera, calibration, file)
+    for camera, (name, calibration), file in zip(watching, found, files, strict=True):
+        scene = static_scene.find(name, calibration)
+        vision = vision_settings(experiment, camera, calibration, file, scene)
         if plan is not None:
             check_field_of_view(experiment, plan, vision)
         settings[vision_task(camera.number)] = vision

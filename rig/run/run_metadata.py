@@ -11,6 +11,7 @@ from comms.channels import VISION_TASKS
 from comms.clock import utc_now
 from rig.run.job import Job
 from rig.run.provenance import provenance
+from vision.task import VisionSettings
 
 CODE = Path(__file__).resolve().parents[2]  # folder of the five packages
 PACKAGES = ("swayless", "numpy", "scipy", "opencv-python-headless", "pyzmq", "mcap", "msgspec")
@@ -30,6 +31,7 @@ def start_metadata(job: Job, mode: str, run_id: str) -> dict[str, str]:
         "purpose": e.purpose,
         "calibration": job.calibration_name,
         "angle_scale": _angle_scale(job),
+        "static_scene": _static_scene(job),
         "utc": utc_now().isoformat(),
         "clock": CLOCKS[mode],
         "operator": os.environ.get("USER", "unknown"),
@@ -45,5 +47,18 @@ def _angle_scale(job: Job) -> str:
     """Say for each camera whether the angles are corrected for its perspective."""
     if job.experiment.camera.rate_hz == 0.0:
         return "no camera"
-    seen = [job.settings[name] for name in VISION_TASKS if name in job.settings]
+    seen = _vision_settings(job)
     return ", ".join("corrected" if one.has_angle_scale else "uncorrected" for one in seen)
+
+
+def _static_scene(job: Job) -> str:
+    """Say for each camera whether what never moves is removed from its pictures."""
+    if job.experiment.camera.rate_hz == 0.0:
+        return "no camera"
+    return ", ".join(
+        "none" if one.static_scene is None else "removed" for one in _vision_settings(job)
+    )
+
+
+def _vision_settings(job: Job) -> list[VisionSettings]:
+    return [job.settings[name] for name in VISION_TASKS if name in job.settings]

@@ -19,8 +19,9 @@ def vision_settings(
     camera: Camera,
     calibration: Calibration | None,
     file: CameraFile | None = None,
+    static_scene: bytes | None = None,
 ) -> VisionSettings:
-    """Compose the settings of the task of a camera."""
+    """Compose the settings of the task of a camera; static_scene: PNG of what never moves."""
     v = experiment.vision
     pivot = expected_pivot(camera, calibration, file)
     return VisionSettings(
@@ -40,4 +41,5 @@ def vision_settings(
         lights=calibration.light_offsets() if calibration else [],
         camera_distance_m=camera.distance_m,
         model=camera_file.parameters(file) if file else None,
+        static_scene=static_scene,
     )

@@ -47,6 +47,8 @@ class Calibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     plane: Literal["x", "y"] = "x"  # of the swing that it sees
     background: Level | None = None  # level of the screen in the pictures, 0 to 255
     camera_made: str | None = None  # `made` of the camera file with which it was measured
+    # picture of what never moves, without the cable: a PNG in the folder of this file
+    static_scene: Annotated[str, Meta(pattern=r"^[^/\\]+\.png$")] | None = None
     lights: tuple[LightRow, ...] = ()
 
     def light_offsets(self) -> list[LightOffsets]:

@@ -20,13 +20,17 @@ from rig.analysis.run_log import SETTLE_S, RunLog
 from rig.run.calibration import camera_file
 from rig.run.calibration.expected_pivot import expected_pivot
 from rig.run.calibration.file import Calibration
+from rig.run.calibration.static_scene import is_before_structure
 from rig.run.cameras import cameras
 from rig.run.config import Experiment
 from rig.run.load_model import planner_model
+from vision.static_scene import StaticScene
 
 POINTS_M = (-0.2, -0.1, 0.0, 0.1, 0.2)
 MOVE_TIME_S = 2.0  # from point to point
 WATCHED_PERIODS = 2.0  # at each point
+PICTURES_HZ = 2.0  # in the log, at least: the static scene is taken from them
+MIN_CLEAR_SHARE = 0.5  # of the angles at a point; fewer, and it is left out
 
 
 class Tour(NamedTuple):
@@ -42,7 +46,7 @@ class Tour(NamedTuple):
 def experiment_for(base: Experiment) -> Experiment:
     """Change an experiment for the tour: no offset table, no average, a wider initial swing.
 
-    A camera file stays: the table has what it leaves.
+    A camera file stays: the table has what it leaves. The log has pictures in any case.
     """
     replace = msgspec.structs.replace
     beliefs = [replace(belief, calibration="none") for belief in base.vision.cameras]
@@ -54,6 +58,7 @@ def experiment_for(base: Experiment) -> Experiment:
         ),
         vision=vision,
         safety=replace(base.safety, initial_swing_rad=0.1),
+        record=replace(base.record, pictures_hz=max(base.record.pictures_hz, PICTURES_HZ)),
     )
 
 
@@ -79,17 +84,29 @@ def tour(experiment: Experiment, points_m: tuple[float, ...] = POINTS_M) -> Tour
 
 
 def fit(
-    run: RunLog, experiment: Experiment, dwells_s: list[tuple[float, float]]
+    run: RunLog,
+    experiment: Experiment,
+    dwells_s: list[tuple[float, float]],
+    scene: StaticScene | None = None,
 ) -> tuple[OffsetCalibration, Calibration]:
     """Fit the calibration of the first camera to the log of a tour.
 
-    Raises AnalysisError for a point with too few valid frames.
+    scene: what never moves. A point at which the cable hangs before a static line is left out: the
+    tracker, which knew no scene, cannot tell them apart. Raises AnalysisError for a point with too
+    few valid frames, and where no two points are left.
     """
     camera = cameras(experiment)[0]
     file = camera_file.find(experiment, camera)
     expected = expected_pivot(camera, None, file)
     samples = [a for a in run.angles if a.valid]
-    records = [_record(samples, run.t_move_s + t0, run.t_move_s + t1) for t0, t1 in dwells_s]
+    records = []
+    for t0_s, t1_s in dwells_s:
+        watched = _within(samples, run.t_move_s + t0_s, run.t_move_s + t1_s)
+        clear = watched
+        if scene is not None:
+            clear = [a for a in watched if not is_before_structure(a, scene)]
+        if len(clear) >= MIN_CLEAR_SHARE * len(watched):
+            records.append(_record(clear))
     found = calibrate_offsets(
         records,
         pivot_home_px=expected.home_px,
@@ -119,12 +136,16 @@ def default_path(folder: Path, calibration: Calibration) -> Path:
     return folder / f"calibration_{utc_now():%Y-%m-%d}_{calibration.camera}.toml"
 
 
-def _record(samples: list[AngleSample], t0_s: float, t1_s: float) -> SwingRecord:
+def _within(samples: list[AngleSample], t0_s: float, t1_s: float) -> list[AngleSample]:
     """Select the samples stamped within [t0_s, t1_s]."""
+    return [a for a in samples if t0_s <= a.t_valid_ns * 1e-9 <= t1_s]
+
+
+def _record(samples: list[AngleSample]) -> SwingRecord:
     rows = [
         (a.t_valid_ns * 1e-9, a.cable.angle_rad, a.platform_m, a.pivot_miss_px)
         for a in samples
-        if a.cable is not None and t0_s <= a.t_valid_ns * 1e-9 <= t1_s
+        if a.cable is not None
     ]
     t, raw, platform, miss = np.array(rows, dtype=np.float64).reshape(-1, 4).T
     return SwingRecord(t_s=t, raw_rad=raw, platform_m=platform, pivot_miss_px=miss)

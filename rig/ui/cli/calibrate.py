@@ -9,6 +9,7 @@ import shlex
 from pathlib import Path
 from typing import Annotated
 
+import msgspec
 import typer
 from rich.progress import Progress
 
@@ -17,6 +18,7 @@ from rig.analysis.run_log import RunLog
 from rig.errors import ConfigError, Stopped
 from rig.run import config, experiment
 from rig.run.calibration import file as calibration_file
+from rig.run.calibration import static_scene
 from rig.run.calibration import tour as calibration_run
 from rig.run.runs import LOG
 from rig.run.tasks.operator import Operator
@@ -102,15 +104,26 @@ def offsets(
         )
     if ran.outcome.exit_code:
         raise Stopped("; ".join(ran.outcome.reasons), ran.outcome.exit_code)
-    found, calibration = calibration_run.fit(RunLog.open(ran.folder / LOG), chosen, tour.dwells_s)
+    scene = static_scene.scene_of_tour(ran.folder / LOG)
+    run = RunLog.open(ran.folder / LOG)
+    found, calibration = calibration_run.fit(run, chosen, tour.dwells_s, scene)
     if before is not None:
         calibration = calibration_file.with_light(before, calibration, str(add))
     path = add or output or calibration_run.default_path(Path(), calibration)
+    if scene is not None and before is None:
+        picture = static_scene.save(scene, path)
+        calibration = msgspec.structs.replace(calibration, static_scene=picture)
     calibration_file.save(calibration, path)
     if as_json:
         print_json({"file": str(path), "run_dir": str(ran.folder), "calibration": calibration})
         return 0
     _print_calibration(found, calibration, path)
+    left_out = len(tour.dwells_s) - len(found.x_m)
+    if left_out:
+        print_paragraph(
+            f"{left_out} of {len(tour.dwells_s)} positions left out: the cable hangs before a "
+            "static line there. Move the line, or the camera, to calibrate them"
+        )
     return 0
 
 
@@ -129,4 +142,6 @@ def _print_calibration(
     row = "" if found.row_observed else " (row not observable at this swing: unchanged)"
     print_paragraph(f"pivot at home ({u:.2f}, {v:.2f}) px{row}, {found.pixels_per_m:.2f} px/m")
     print_whole(f"written: {path}", "bold")
+    if calibration.static_scene is not None:
+        print_whole(f"picture without the cable: {path.with_name(calibration.static_scene)}")
     print_whole(f"use it with --set vision.calibration={shlex.quote(str(path))}")

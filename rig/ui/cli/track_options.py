@@ -56,9 +56,14 @@ class TrackOptions(NamedTuple):
             is_bright=None if self.polarity is None else self.polarity == "bright",
             width_px=self.width_px,
             region=None if self.roi is None else region_of(self.roi),
-            turns=None if self.calibration is None else 0,  # it is of the upright picture
+            turns=0 if self._is_upright else None,
             at_rest=self.at_rest,
         )
+
+    @property
+    def _is_upright(self) -> bool:
+        """True if the calibration, or the order of the rows in time, is that of the sensor."""
+        return self.calibration is not None or self.row_us is not None
 
     def source(self) -> SourceOptions:
         """Collect the options of the source of the frames; raises ConfigError."""
