@@ -11,6 +11,7 @@ from rig.analysis.conclusion import Conclusion, conclude, repeat_command
 from rig.analysis.quantities import model_quantities
 from rig.analysis.summary import QUANTITIES, Quantities, Summary
 from rig.run.runs import REPORT
+from rig.ui.budget_rows import BUDGET_HEADS, budget_rows
 from rig.ui.joint_rows import joint_rows
 from rig.ui.plots import run as run_plots
 from rig.ui.plots.inline_svg import inline_svg
@@ -19,10 +20,10 @@ from rig.ui.report_camera import camera_figure
 from rig.ui.report_page import Html, element, join, page, table, trusted
 from rig.ui.report_parameters import parameter_rows
 
-NOISE_NOTE = "±: one standard deviation of the noise."
+SIGMA_NOTE = "±: one standard deviation, by its causes below."
 SCALE_NOTES = {  # by angle_scale of run.start; the first word is that of the first camera
     "corrected": " The angle is corrected for the pitch of the camera.",
-    "uncorrected": " Not included: a camera pitch of 1 degree reduces the measured swing by 0.5 %.",
+    "uncorrected": " The angle is not corrected for the pitch of the camera, which counts.",
 }
 JOINT_NOTE = (
     "The load's speed is the integral of its accelerometer, less the bias at rest, as in source "
@@ -106,8 +107,10 @@ def _quantities(analysis: RunAnalysis) -> Html:
         rows.append((title, "", "", measured, true))
     scale = analysis.run.log.metadata["run.start"].get("angle_scale", "uncorrected")
     scale_note = SCALE_NOTES.get(scale.split(",")[0], "")
-    note = element("p", NOISE_NOTE + scale_note, class_="note")
-    return join(table(QUANTITY_HEADS, rows), note)
+    note = element("p", SIGMA_NOTE + scale_note, class_="note")
+    budget = budget_rows(s)
+    shown = table(BUDGET_HEADS, budget) if budget else ""
+    return join(table(QUANTITY_HEADS, rows), note, shown)
 
 
 def _losses(s: Summary, twin: Summary) -> Html:

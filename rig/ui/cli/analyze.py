@@ -12,12 +12,14 @@ from comms.clock import utc_now
 from comms.errors import LogError
 from rig.analysis.analyze import RunAnalysis
 from rig.analysis.conclusion import conclude
+from rig.analysis.summary import Summary
 from rig.run import operator_file
 from rig.run import runs as folders
+from rig.ui.budget_rows import BUDGET_HEADS, budget_rows
 from rig.ui.cli import completion
 from rig.ui.cli.common_options import AsJson
 from rig.ui.cli.output import print_conclusion, print_json, print_summary
-from rig.ui.cli.page import print_whole, print_written
+from rig.ui.cli.page import Column, plain_table, print_table, print_whole, print_written
 
 
 def analyze(
@@ -64,10 +66,23 @@ def analyze(
         print_json(analysis.summary)
     else:
         print_summary(analysis.summary)
+        _print_budget(analysis.summary)
         print_conclusion(conclude(analysis.run, analysis.summary))
         print_whole(str(analysis.run.log.path), "bold")
         print_written(csv_file, report_file)
     return analysis.summary.exit_code
+
+
+def _print_budget(summary: Summary) -> None:
+    """Print what makes up the standard deviations."""
+    rows = budget_rows(summary)
+    if not rows:
+        return
+    first, *others = BUDGET_HEADS
+    view = plain_table("", [first, *(Column(head, drop=k) for k, head in enumerate(others, 1))])
+    for row in rows:
+        view.add_row(*row)
+    print_table(view)
 
 
 def _analysis(log: Path) -> RunAnalysis:
