@@ -19,7 +19,7 @@ from rig.ui.budget_rows import BUDGET_HEADS, budget_rows
 from rig.ui.cli import completion
 from rig.ui.cli.common_options import AsJson
 from rig.ui.cli.output import print_conclusion, print_json, print_summary
-from rig.ui.cli.page import Column, plain_table, print_table, print_whole, print_written
+from rig.ui.cli.page import plain_table, print_table, print_whole, print_written
 
 
 def analyze(
@@ -79,7 +79,7 @@ def _print_budget(summary: Summary) -> None:
     if not rows:
         return
     first, *others = BUDGET_HEADS
-    view = plain_table("", [first, *(Column(head, drop=k) for k, head in enumerate(others, 1))])
+    view = plain_table("", [first, *(head.replace(" [", "\n[") for head in others)])
     for row in rows:
         view.add_row(*row)
     print_table(view)
