@@ -85,6 +85,7 @@ def _summary(run: RunLog, fit: DecayFit | None) -> Summary:
         latency_ms=delays.latency(run),
         links={name: _link(row) for name, row in run.links().items()},
         digest=stop.get("digest") or None,
+        settling_s=quantities.settling(run),
         initial_swing_rad=quantities.initial_swing(run),
         swing_error=quantities.swing_error(run),
         lateness=delays.lateness(run),

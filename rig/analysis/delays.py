@@ -7,7 +7,12 @@ from contextlib import suppress
 import numpy as np
 
 from rig.analysis.identify.errors import AnalysisError
-from rig.analysis.identify.latency import alignment_s, command_latency_s
+from rig.analysis.identify.latency import (
+    TrackingError,
+    alignment_s,
+    alignment_sigma_s,
+    tracking_error,
+)
 from rig.analysis.run_log import RunLog
 from rig.analysis.seen_swing import is_later
 from rig.analysis.summary import Latency, Lateness
@@ -21,10 +26,10 @@ def latency(run: RunLog) -> Latency:
     found = Latency()
     if run.t_start_s is None:
         return found
-    _, _, t, actual = run.robot.T
-    keep = is_later(t)
-    if run.plan.time_s > 0 and keep.sum() >= MIN_ROBOT_STATES:
-        found.command = _ms(command_latency_s(t[keep], actual[keep], run.planned_m))
+    tracking = tracking_of(run)
+    if tracking is not None:
+        found.command = _ms(tracking.delay_s)
+        found.command_sigma = _ms(tracking.sigma_delay_s)
     arrival_ns = run.receipts(f"angle_{run.main_camera}")
     ages_ms = [
         (arrival_ns[a.seq] - a.t_valid_ns) * 1e-6
@@ -34,11 +39,22 @@ def latency(run: RunLog) -> Latency:
     found.vision = float(np.median(ages_ms)) if ages_ms else None
     delays_ms = _exposure_to_angle_ms(run, arrival_ns)
     found.exposure_to_angle_p99 = float(np.percentile(delays_ms, 99)) if delays_ms else None
-    t_angle, angle, _ = run.swing
+    t_angle, angle, sigma = run.swing
     if run.truth.size and t_angle.size and t_angle[-1] > run.t_settled_s:
         with suppress(AnalysisError):
             found.alignment = _ms(alignment_s(t_angle, angle, *run.truth.T[:3]))
+            rate = np.interp(t_angle, run.truth[:, 0], run.truth[:, 2])
+            found.alignment_sigma = _ms(alignment_sigma_s(sigma, rate))
     return found
+
+
+def tracking_of(run: RunLog) -> TrackingError | None:
+    """Compare the platform with the plan; None for a run without a move."""
+    _, _, t, actual = run.robot.T
+    keep = is_later(t)
+    if run.t_start_s is None or run.plan.time_s <= 0 or keep.sum() < MIN_ROBOT_STATES:
+        return None
+    return tracking_error(t[keep], actual[keep], run.planned_m)
 
 
 def lateness(run: RunLog) -> Lateness:

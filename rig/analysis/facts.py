@@ -22,6 +22,7 @@ class AnalysisFacts(msgspec.Struct, frozen=True):
     clock_ppm: float = 20.0
     gain_drift_rel: float = 1e-3
     gravity_sigma_m_s2: float = 0.01
+    settling_band_rad: float = 1e-3
 
 
 class RunFacts(msgspec.Struct, frozen=True, kw_only=True):

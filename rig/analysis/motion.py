@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from comms.messages import Command, JointState, Phase, RobotState, Setpoint, Verb
+from rig.analysis.delays import tracking_of
 from rig.analysis.facts import EnvelopeFacts
 from rig.analysis.platform_path import PlatformPath
 from rig.analysis.run_log import RunLog
@@ -59,6 +60,10 @@ def motion_peaks(run: RunLog) -> MotionPeaks:
         _add_reached(peaks, actual)
     if actual.t_ns.size and setpoints.t_ns.size:
         peaks.following_error_m = _following_error_m(actual, setpoints, facts.servo_lag_ns)
+    tracking = tracking_of(run)
+    if tracking is not None:
+        peaks.tracking_delay_rms_m = tracking.delay_rms
+        peaks.tracking_distortion_rms_m = tracking.distortion_rms
     return peaks
 
 

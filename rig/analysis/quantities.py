@@ -21,6 +21,7 @@ from rig.analysis.identify.swing import (
     largest_gap_s,
     peak_swing_rad,
     residual_amplitude_rad,
+    settling_time_s,
 )
 from rig.analysis.run_log import RunLog
 from rig.analysis.summary import BudgetTerm, Planned, Quantities, SwingError
@@ -197,3 +198,12 @@ def initial_swing(run: RunLog) -> float | None:
         return initial_swing_rad(t[quiet], angle[quiet], omega_rad_s)
     except AnalysisError:
         return None
+
+
+def settling(run: RunLog) -> float | None:
+    """Compute the settling time after a move; None without one, or where it has not settled."""
+    if run.t_start_s is None or run.plan.time_s == 0 or not run.facts.rate_hz:
+        return None
+    t, angle, _ = run.swing
+    end_s = run.t_move_s + run.plan.time_s
+    return settling_time_s(t, angle, end_s, run.facts.analysis.settling_band_rad)

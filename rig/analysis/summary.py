@@ -73,6 +73,9 @@ class Latency(msgspec.Struct, kw_only=True):
     command: float | None = None  # of the platform behind the plan
     vision: float | None = None  # from the stamp of an angle to its arrival at the streamer
     alignment: float | None = None  # of the measured swing behind the truth; zero for true stamps
+    # standard deviations of the two alignments
+    command_sigma: float | None = None
+    alignment_sigma: float | None = None
     # from end of exposure to arrival of the angle, with the delays of the experiment's links
     exposure_to_angle_p99: float | None = None
 
@@ -107,6 +110,9 @@ class MotionPeaks(msgspec.Struct, kw_only=True):
     asked_acceleration_m_s2: float | None = None
     reached_acceleration_m_s2: float | None = None
     acceleration_bound_m_s2: float | None = None
+    # rms of actual minus planned position over the move: by the delay, and what no delay explains
+    tracking_delay_rms_m: float | None = None
+    tracking_distortion_rms_m: float | None = None
     following_error_m: float | None = None  # of the robot behind the setpoint of the servo lag ago
     following_error_bound_m: float | None = None
     setpoints_outside: int = 0  # beyond a bound of speed or acceleration
@@ -125,7 +131,14 @@ class MotionPeaks(msgspec.Struct, kw_only=True):
         acceleration = _beside(self.reached_acceleration_m_s2, self.acceleration_bound_m_s2)
         error = _beside(_mm(self.following_error_m), _mm(self.following_error_bound_m))
         reached = f"reached {speed} m/s, {acceleration} m/s2"
-        return f"{self.asked_text}; {reached}; following error {error} mm"
+        return f"{self.asked_text}; {reached}; following error {error} mm{self._tracking_text}"
+
+    @property
+    def _tracking_text(self) -> str:
+        by_delay, left = _mm(self.tracking_delay_rms_m), _mm(self.tracking_distortion_rms_m)
+        if by_delay is None or left is None:
+            return ""
+        return f"; off the plan by {by_delay:.2f} mm rms of delay and {left:.2f} mm of distortion"
 
 
 def _mm(value_m: float | None) -> float | None:
@@ -245,6 +258,8 @@ class Summary(msgspec.Struct, kw_only=True):
     digest: str | None
     sigma_noise: Quantities = msgspec.field(default_factory=Quantities)  # of the noise alone
     budget: list[BudgetTerm] = []
+    # from the planned end of the move until the swing stays within [analysis] settling_band_rad
+    settling_s: float | None = None
     initial_swing_rad: float | None = None
     swing_error: SwingError = msgspec.field(default_factory=SwingError)
     lateness: Lateness = msgspec.field(default_factory=Lateness)

@@ -174,7 +174,7 @@ class RecordSection(Section, frozen=True, kw_only=True):
 
 
 class AnalysisSection(Section, frozen=True, kw_only=True):
-    """`[analysis]`: standard deviations of what the analysis cannot measure."""
+    """`[analysis]`: standard deviations of what the analysis cannot measure, and a band."""
 
     # of the scale of the angles, relative; None: 0.03 % after a calibration, and 1 - cos(pitch)
     # where the distance of the camera is not given; 0.5 % without one
@@ -182,6 +182,9 @@ class AnalysisSection(Section, frozen=True, kw_only=True):
     clock_ppm: Annotated[float, Meta(ge=0, le=1e4)] = 20.0
     gain_drift_rel: Annotated[float, Meta(ge=0, le=0.5)] = 1e-3  # of the scale within a record
     gravity_sigma_m_s2: Annotated[float, Meta(ge=0, le=1)] = 0.01
+    settling_band_rad: Annotated[float, Meta(gt=0, le=1)] = (
+        1e-3  # within which the load has settled
+    )
 
 
 class BenchSection(Section, frozen=True, kw_only=True):

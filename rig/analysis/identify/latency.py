@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +20,50 @@ MAX_MISALIGNMENT_S = 0.25  # an eighth of a 2 s swing: far from the next period
 MIN_ANGLES = 10
 COARSE_STEP_S = 0.01
 RESOLUTION_S = 1e-6
+
+
+class TrackingError(NamedTuple):
+    """Error of a motion against its plan, split into a delay and what no delay explains."""
+
+    delay_s: float
+    sigma_delay_s: float  # for a distortion that is white; larger where it is not
+    rms: float  # without the delay taken out
+    distortion_rms: float  # with it taken out
+
+    @property
+    def delay_rms(self) -> float:
+        """Part of the rms that the delay makes."""
+        return math.sqrt(max(0.0, self.rms**2 - self.distortion_rms**2))
+
+
+def tracking_error(
+    t_s: FloatArray, actual_m: FloatArray, plan: Callable[[FloatArray], FloatArray]
+) -> TrackingError | None:
+    """Split actual(t) - plan(t) over the move (N,) [m]; None where command_latency_s is None.
+
+    The standard deviation of the delay is distortion / sqrt(sum of squared speeds), the
+    Cramer-Rao bound of a shift in white noise.
+    """
+    delay_s = command_latency_s(t_s, actual_m, plan)
+    if delay_s is None:
+        return None
+    t = np.asarray(t_s, dtype=np.float64)
+    actual = np.asarray(actual_m, dtype=np.float64)
+    move = _move_samples(plan(t))
+    part = slice(move.start, min(t.size, move.stop + int(np.ceil(delay_s / np.median(np.diff(t))))))
+    later = plan(t[part] - delay_s)
+    total = actual[part] - plan(t[part])
+    left = actual[part] - later
+    speed = np.gradient(later, t[part])
+    distortion = float(np.sqrt(np.mean(left**2)))
+    sigma_s = distortion / math.sqrt(float(speed @ speed))
+    return TrackingError(delay_s, sigma_s, float(np.sqrt(np.mean(total**2))), distortion)
+
+
+def alignment_sigma_s(sigma_rad: FloatArray, rate_rad_s: FloatArray) -> float:
+    """Compute the Cramer-Rao bound of alignment_s: sigma_rad, rate_rad_s (N,) of the samples."""
+    information = float(np.sum(np.square(rate_rad_s / sigma_rad)))
+    return 1.0 / math.sqrt(information) if information > 0.0 else math.inf
 
 
 def command_latency_s(

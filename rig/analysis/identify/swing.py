@@ -10,6 +10,7 @@ import numpy.typing as npt
 from rig.analysis.identify.errors import AnalysisError
 
 FloatArray = npt.NDArray[np.float64]
+SETTLED_SHARE = 0.9  # of a record, after which nothing may leave the band
 
 
 def peak_swing_rad(t_s: FloatArray, angle_rad: FloatArray, t0_s: float, t1_s: float) -> float:
@@ -33,6 +34,28 @@ def largest_gap_s(t_s: FloatArray, t0_s: float, t1_s: float) -> tuple[float, flo
     edges = np.concatenate([[t0_s], t[(t >= t0_s) & (t <= t1_s)], [t1_s]])
     widest = int(np.argmax(np.diff(edges)))
     return float(edges[widest]), float(edges[widest + 1])
+
+
+def settling_time_s(
+    t_s: FloatArray, angle_rad: FloatArray, from_s: float, band_rad: float
+) -> float | None:
+    """Compute the time [s] from from_s until |angle| stays within a band to the end of the record.
+
+    t_s, angle_rad (N,). None without a sample after from_s, or where the last tenth of the record
+    still leaves the band: it has not settled.
+    """
+    t, angle = np.asarray(t_s), np.asarray(angle_rad)
+    after = t >= from_s
+    if not after.any():
+        return None
+    t, angle = t[after], angle[after]
+    outside = np.flatnonzero(np.abs(angle) > band_rad)
+    if outside.size == 0:
+        return 0.0
+    last_s = float(t[outside[-1]])
+    if last_s > from_s + SETTLED_SHARE * (float(t[-1]) - from_s):
+        return None
+    return last_s - from_s
 
 
 def initial_swing_rad(t_s: npt.ArrayLike, angle_rad: npt.ArrayLike, omega_rad_s: float) -> float:

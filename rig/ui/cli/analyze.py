@@ -12,6 +12,7 @@ from comms.clock import utc_now
 from comms.errors import LogError
 from rig.analysis.analyze import RunAnalysis
 from rig.analysis.conclusion import conclude
+from rig.analysis.seen_swing import FloatArray
 from rig.analysis.summary import Summary
 from rig.run import operator_file
 from rig.run import runs as folders
@@ -106,13 +107,25 @@ def _write_csv(analysis: RunAnalysis, path: Path) -> None:
     with path.open("w", newline="") as file:
         rows = csv.writer(file)
         rows.writerow(["t_s", "angle_rad", "sigma_rad", "fit_rad", "truth_rad"])
-        fitted = analysis.fit.angle(t) if analysis.fit else None
+        fitted = _fitted(analysis, t)
         for k, instant in enumerate(t):
             fit: float | str = ""
             if fitted is not None and instant >= analysis.run.t_settled_s:
                 fit = fitted[k]
             true = _true_angle(instant, truth) if truth.size else ""
             rows.writerow([f"{instant:.9f}", angle[k], sigma[k], fit, true])
+
+
+def _fitted(analysis: RunAnalysis, t_s: FloatArray) -> FloatArray | None:
+    """Compute the fitted swing as the moving average of the tracker shows it; None without one."""
+    if analysis.fit is None:
+        return None
+    facts = analysis.run.facts
+    return analysis.fit.angle(
+        t_s,
+        average_frames=facts.average_frames,
+        frame_period_s=1.0 / facts.rate_of(analysis.run.main_camera),
+    )
 
 
 def _true_angle(t_s: float, truth: object) -> float | str:

@@ -178,6 +178,8 @@ def _path_lines(s: Summary) -> list[str]:
 
 def _vision_line(s: Summary) -> str:
     line = f"vision: {s.angles_valid} of {s.frames} frames with an angle"
+    if s.settling_s is not None:
+        line += f"; settled {_ms(1e3 * s.settling_s)} after the planned end"
     if s.across is None:
         return line
     return f"{line}; camera {s.across.camera}: {s.across.angles_valid} of {s.across.frames}"
@@ -185,11 +187,19 @@ def _vision_line(s: Summary) -> str:
 
 def _latency_line(s: Summary) -> str:
     d = s.latency_ms
-    parts = [f"latency: command {_ms(d.command)}", f"vision {_ms(d.vision)}"]
+    command = _with_bound(d.command, d.command_sigma)
+    parts = [f"latency: command {command}", f"vision {_ms(d.vision)}"]
     if d.alignment is not None:
-        parts.append(f"measured swing behind truth {_ms(d.alignment)}")
+        shown = _with_bound(d.alignment, d.alignment_sigma)
+        parts.append(f"measured swing behind truth {shown}")
     parts.append(f"exposure end to angle p99 {_ms(d.exposure_to_angle_p99)}")
     return ", ".join(parts)
+
+
+def _with_bound(value: float | None, sigma: float | None) -> str:
+    """Format a delay with the bound of its alignment, where that is visible."""
+    shown = _ms(value)
+    return f"{shown} ± {sigma:.2f}" if sigma is not None and sigma >= 0.005 else shown
 
 
 def _reference_line(s: Summary) -> str:

@@ -10,7 +10,13 @@ import pytest
 from scipy.signal import lsim
 
 from rig.analysis.identify.errors import AnalysisError
-from rig.analysis.identify.latency import alignment_s, command_latency_s, swing_error_rms_rad
+from rig.analysis.identify.latency import (
+    alignment_s,
+    alignment_sigma_s,
+    command_latency_s,
+    swing_error_rms_rad,
+    tracking_error,
+)
 
 Array = npt.NDArray[np.float64]
 
@@ -118,3 +124,43 @@ def test_a_load_at_rest_cannot_be_aligned() -> None:
         alignment_s(
             STAMPS, np.zeros_like(STAMPS), KNOWN, np.zeros_like(KNOWN), np.zeros_like(KNOWN)
         )
+
+
+def test_a_tracking_error_is_split_into_its_delay_and_what_is_left() -> None:
+    delay_s, ripple_m = 0.057, 2e-4
+    t_s = np.arange(0.0, 4.0, 0.01)
+
+    def plan(at_s: np.ndarray) -> np.ndarray:
+        share = np.clip((at_s - 1.0) / 1.5, 0.0, 1.0)
+        return 0.1 * (1.0 - np.cos(math.pi * share))
+
+    noise_m = np.random.default_rng(4).normal(0.0, ripple_m, t_s.size)
+    found = tracking_error(t_s, plan(t_s - delay_s) + noise_m, plan)
+    assert found is not None
+    assert abs(found.delay_s - delay_s) < 4.0 * found.sigma_delay_s
+    assert found.distortion_rms == pytest.approx(ripple_m, rel=0.15)
+    # a delay d makes d times the speed: rms of 0.1 pi / 1.5 sin over the move
+    assert found.delay_rms == pytest.approx(
+        delay_s * 0.1 * math.pi / 1.5 / math.sqrt(2.0), rel=0.05
+    )
+
+
+def test_the_sigma_of_a_delay_covers_its_error() -> None:
+    t_s = np.arange(0.0, 3.0, 0.01)
+
+    def plan(at_s: np.ndarray) -> np.ndarray:
+        return 0.1 * (1.0 - np.cos(math.pi * np.clip(at_s - 1.0, 0.0, 1.0)))
+
+    scores = []
+    for seed in range(60):
+        noise_m = np.random.default_rng(seed).normal(0.0, 1e-4, t_s.size)
+        found = tracking_error(t_s, plan(t_s - 0.03) + noise_m, plan)
+        assert found is not None
+        scores.append((found.delay_s - 0.03) / found.sigma_delay_s)
+    assert 0.6 < np.std(scores) < 1.5
+
+
+def test_the_bound_of_an_alignment_is_noise_over_the_root_of_squared_rates() -> None:
+    sigma_rad, rate_rad_s = np.full(100, 1e-4), np.full(100, 0.2)
+    assert alignment_sigma_s(sigma_rad, rate_rad_s) == pytest.approx(1e-4 / (0.2 * 10.0))
+    assert alignment_sigma_s(sigma_rad, np.zeros(100)) == math.inf

@@ -16,6 +16,7 @@ from rig.analysis.identify.swing import (
     largest_gap_s,
     peak_swing_rad,
     residual_amplitude_rad,
+    settling_time_s,
     truth_at,
 )
 
@@ -126,3 +127,15 @@ def test_an_empty_truth_is_an_error_unless_no_instant_is_requested() -> None:
     with pytest.raises(AnalysisError, match="truth covers nothing"):
         truth_at(np.array([0.5]), np.array([]), np.array([]), np.array([]))
     assert truth_at(np.array([]), np.array([0.0, 1.0]), np.zeros(2), np.zeros(2)).size == 0
+
+
+def test_a_decay_settles_when_its_envelope_enters_the_band() -> None:
+    t_s = np.arange(0.0, 20.0, 0.01)
+    angle_rad = 0.05 * np.exp(-0.3 * t_s) * np.cos(OMEGA_RAD_S * t_s)
+    found_s = settling_time_s(t_s, angle_rad, 2.0, 1e-3)
+    expected_s = math.log(50.0) / 0.3 - 2.0
+    assert found_s is not None
+    assert expected_s - math.pi / OMEGA_RAD_S < found_s <= expected_s
+    assert settling_time_s(t_s, 1e-4 * angle_rad, 2.0, 1e-3) == 0.0
+    assert settling_time_s(t_s, np.cos(t_s), 2.0, 1e-3) is None
+    assert settling_time_s(t_s, angle_rad, 30.0, 1e-3) is None
