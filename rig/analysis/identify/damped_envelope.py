@@ -58,11 +58,11 @@ def riccati(t: FloatArray, numbers: Numbers) -> Numbers:
     x = r * t / 2
     is_small = np.abs(x) < SMALL
     safe = np.where(is_small, 1, x)
-    C = np.cosh(x)
-    S = t / 2 * np.where(is_small, 1 + x * x / 6, np.sinh(safe) / safe)  # sinh(r t/2) / r
-    if np.iscomplexobj(numbers):
-        return _ratio(B0, d, b, k, C, S)
-    return np.asarray(_ratio(B0, d, b, k, C, S).real)
+    with np.errstate(all="ignore"):  # a trial far beyond any decay overflows
+        C = np.cosh(x)
+        S = t / 2 * np.where(is_small, 1 + x * x / 6, np.sinh(safe) / safe)  # sinh(r t/2) / r
+        B = _ratio(B0, d, b, k, C, S)
+    return B if np.iscomplexobj(numbers) else np.asarray(B.real)
 
 
 def _ratio(B0: Any, d: Any, b: Any, k: Any, C: Numbers, S: Numbers) -> Numbers:

@@ -19,13 +19,19 @@ from rig.analysis.identify.decay_model import (
     mode_sum,
 )
 from rig.analysis.identify.large_swing import LargeSwing
-from rig.analysis.identify.least_squares import influence, levenberg_marquardt, unit_covariance
+from rig.analysis.identify.least_squares import (
+    MIN_GAIN_REL,
+    influence,
+    levenberg_marquardt,
+    unit_covariance,
+)
 from rig.analysis.identify.sampled import Sampled, noise_rms
 
 FloatArray = npt.NDArray[np.float64]
 
 EXACT = 2e-6  # residual over the range of the values; the closed model is this exact at 0.3 rad
 SPIKE_SIGMA = 6.0
+LARGE_MIN_GAIN = 1e-4  # an integration costs more than a hundredth of a sigma is worth
 MAX_SPIKES = 0.1  # of the samples
 
 
@@ -106,7 +112,11 @@ def fit(
         model = mode_sum(record, layout, elliptic=elliptic)
     with np.errstate(all="ignore"):  # steps that overflow have infinite cost
         p, residual, jacobian = levenberg_marquardt(
-            model, record.values, start, _inside(layout, is_large)
+            model,
+            record.values,
+            start,
+            _inside(layout, float(start[0]) if is_large else None),
+            LARGE_MIN_GAIN if is_large else MIN_GAIN_REL,
         )
     return DecayFit(
         record=record,
@@ -212,8 +222,12 @@ def _score(found: DecayFit, layout: Layout) -> tuple[float, float]:
     return gain, step
 
 
-def _inside(layout: Layout, is_large: bool) -> Callable[[FloatArray], bool]:
+def _inside(layout: Layout, large_from: float | None) -> Callable[[FloatArray], bool]:
+    """Make the bounds; an integrated swing keeps near the frequency that it starts from."""
+
     def is_inside(p: FloatArray) -> bool:
-        return layout.is_decay(p) and (not is_large or p[2] < math.pi)
+        if large_from is not None and not (p[2] < math.pi and 0.5 < p[0] / large_from < 2):
+            return False
+        return layout.is_decay(p)
 
     return is_inside

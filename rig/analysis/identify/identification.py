@@ -86,6 +86,7 @@ class Traces:
     residual: FloatArray = field(default_factory=no_array)
     spectrum_hz: FloatArray = field(default_factory=no_array)  # (M,)
     residual_amplitude: FloatArray = field(default_factory=no_array)  # (M,) of a sinusoid
+    singular_values: FloatArray = field(default_factory=no_array)  # (L,) of the Hankel matrix
     stabilisation_order: FloatArray = field(default_factory=no_array)  # (K,) poles of the pencil
     stabilisation_hz: FloatArray = field(default_factory=no_array)  # (K,)
     stabilisation_damping: FloatArray = field(default_factory=no_array)  # (K,)

@@ -143,6 +143,7 @@ def _traces(found: DecayFit, decomposed: Pencil) -> Traces:
         residual=found.residual,
         spectrum_hz=lines_hz,
         residual_amplitude=amplitudes,
+        singular_values=decomposed.singular_values,
         stabilisation_order=orders,
         stabilisation_hz=poles_hz,
         stabilisation_damping=damping,

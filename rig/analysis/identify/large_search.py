@@ -23,7 +23,7 @@ FIRST_PERIODS = 3.0
 MAX_LATER = 5  # periods
 MIN_HALF_SWINGS = 7  # after a later start
 GOOD_RESIDUAL = 3.0  # times the noise
-MAX_PERIODS = 100.0  # integration costs time in proportion; the largest swings say most
+MAX_PERIODS = 25.0  # integration costs time in proportion; the largest swings say most
 
 
 def large_fit(record: Sampled, points: TurningPoints, start: int, notes: list[Reason]) -> DecayFit:

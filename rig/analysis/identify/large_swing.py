@@ -45,6 +45,8 @@ class LargeSwing:
         from scipy.interpolate import CubicSpline
 
         nodes, angles, _ = self._trajectories(p)
+        if not np.isfinite(angles).all():  # a trial that runs away: its cost is no number
+            return np.full(self.tau.size, np.nan), np.zeros((self.tau.size, self.layout.size))
         spline = CubicSpline(nodes, angles)
         curves = spline(self.tau)
         if self._average_s2:

@@ -32,11 +32,12 @@ def levenberg_marquardt(
     y: FloatArray,
     p: FloatArray,
     is_inside: Callable[[FloatArray], bool],
+    min_gain: float = MIN_GAIN_REL,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Minimise the sum of squares of y - model(p), from p on, where is_inside holds.
 
-    Stops when a step would gain less than a ten-millionth of the variance of one sample. Returns
-    parameters (P,), residual (N,) and Jacobian (N, P).
+    Stops when a step would gain less than min_gain, by default a ten-millionth, of the variance of
+    one sample. Returns parameters (P,), residual (N,) and Jacobian (N, P).
     """
     values, J = model(p)
     residual = y - values
@@ -58,7 +59,7 @@ def levenberg_marquardt(
             damping = damping / 10
         else:
             damping *= 10
-        if step @ g < MIN_GAIN_REL * best / y.size or damping > MAX_DAMPING:
+        if step @ g < min_gain * best / y.size or damping > MAX_DAMPING:
             break
     return p, residual, J
 

@@ -17,7 +17,7 @@ from rig.analysis.identify.decay_fit import (
     without_spikes,
 )
 from rig.analysis.identify.decay_model import MODE_SIZE, Layout, mode_sum
-from rig.analysis.identify.matrix_pencil import Pencil, Pole, pencil, poles
+from rig.analysis.identify.matrix_pencil import Pencil, Pole, order_by_gap, pencil, poles
 from rig.analysis.identify.sampled import Sampled
 from rig.analysis.identify.spectrum import strongest_frequency_hz
 
@@ -49,7 +49,7 @@ def search(found: DecayFit, modes: int | None, highest: int) -> DecayFit:
     found = without_spikes(found)
     highest = highest if modes is None else modes
     for _ in range(MAX_STEPS):
-        candidates = [] if found.is_exact and modes is None else _larger(found, highest)
+        candidates = [] if found.is_exact and modes is None else _larger(found, highest, modes)
         if not candidates:
             break
         gains = [_gain_per_parameter(found, larger) for larger in candidates]
@@ -61,7 +61,7 @@ def search(found: DecayFit, modes: int | None, highest: int) -> DecayFit:
     return strongest_first(found)
 
 
-def _larger(found: DecayFit, highest: int) -> list[DecayFit]:
+def _larger(found: DecayFit, highest: int, modes: int | None) -> list[DecayFit]:
     """Fit the models one step larger that gain enough."""
     candidates = []
     gains = term_gains(found)
@@ -70,7 +70,7 @@ def _larger(found: DecayFit, highest: int) -> list[DecayFit]:
         if gains[term] > MIN_GAIN:
             candidates.append(with_term(found, term))
     if found.layout.modes < highest and not found.is_large and _wants_mode(found):
-        candidates += _with_mode(found)
+        candidates += _with_mode(found, is_asked=modes is not None)
     return [larger for larger in candidates if _gain(found, larger) > MIN_GAIN]
 
 
@@ -85,11 +85,16 @@ def _wants_mode(found: DecayFit) -> bool:
     return line / found.record.correlated_frames > math.log(count) + 7.0
 
 
-def _with_mode(found: DecayFit) -> list[DecayFit]:
-    """Fit one mode more: from the poles of the record, and from the line in the residual."""
+def _with_mode(found: DecayFit, *, is_asked: bool) -> list[DecayFit]:
+    """Fit one mode more: from the poles of the record, and from the line in the residual.
+
+    Unless asked for, only where the singular values of the record stand out for so many.
+    """
     count = found.layout.modes + 1
     frequencies = [found.layout.mode(found.p, k)[0] / (2 * math.pi) for k in range(count - 1)]
     decomposed = pencil(found.record, SAMPLES_PER_PERIOD, max(frequencies))
+    if not is_asked and order_by_gap(decomposed, _grid_noise(found, decomposed), count) < count:
+        return []
     starts = []
     for order in (2 * count, 2 * count + 1, 2 * count + 3):
         start = _from_poles(found.record, decomposed, order, count)
@@ -116,6 +121,13 @@ def _best_starts(found: DecayFit, layout: Layout, starts: list[FloatArray]) -> l
     model = mode_sum(found.record, layout, elliptic=found.elliptic)
     costs = [float(np.sum((found.record.values - model(start)[0]) ** 2)) for start in starts]
     return [starts[int(np.argmin(costs))]] if starts else []
+
+
+def _grid_noise(found: DecayFit, decomposed: Pencil) -> float:
+    """White noise on the grid of the pencil, which averages samples where it is coarser."""
+    record = found.record
+    averaged = max(1.0, decomposed.step_s / record.step_s / record.correlated_frames)
+    return max(found.residual_noise(), record.quantum / math.sqrt(12)) / math.sqrt(averaged)
 
 
 def _is_mode_gained(found: DecayFit, larger: DecayFit) -> bool:

@@ -19,7 +19,10 @@ MIN_SIDE = 4  # samples on each side of a jump
 JUMP_NOISE = 10.0
 JUMP_SLOW = 3.0  # over the same measure elsewhere, which the swing itself gives
 PLACES = 16  # of a record that one jump disturbs
-LONG_MEDIAN_FROM = 60  # samples per period
+MAX_JUMPS = 12  # judged
+LONGEST_SIDE = 10
+ROBUST_PASSES = 12
+SPIKE_NOISE = 8.0
 MAX_GROWTH = 1.3  # of the envelope, where its largest value stands at the end
 GROWTH_PERIODS = 3  # half swings that rise before it
 
@@ -48,35 +51,42 @@ def refuse_clipped(record: Sampled, frequency_hz: float) -> None:
 def refuse_spliced(record: Sampled, frequency_hz: float) -> None:
     """Refuse a record with a jump that no swing of this frequency makes.
 
-    Compares the lines through the four samples before and after each place; spikes are removed.
+    Compares the lines through the four samples before and after each place; the largest jumps are
+    judged again by parabolas that spikes do not move.
     """
-    from scipy.ndimage import median_filter
-
     samples_per_period = 1 / (frequency_hz * record.step_s)
     if record.values.size < 4 * MIN_SIDE or samples_per_period < 4 * MIN_SIDE:
         return
-    width = 9 if samples_per_period > LONG_MEDIAN_FROM else 5
-    y = median_filter(record.values, width, mode="mirror")
+    y = _bridged(record.values)
     u = np.arange(MIN_SIDE)
     weights = np.linalg.pinv(np.stack([np.ones(MIN_SIDE), u + 0.5], axis=-1))[0]
     before = np.convolve(y, weights, "valid")[:-MIN_SIDE]  # window reversed: nearest first
     after = np.correlate(y, weights, "valid")[MIN_SIDE:]
-    jump = after - before
     even = np.ptp(_sliding_steps(record.t_s), axis=-1) < 0.5 * record.step_s
-    even[:width] = False  # the median at an end takes samples from one side alone
-    even[-width:] = False
-    size = np.where(even, np.abs(jump), 0.0)
-    noise = noise_rms(record.values, record.correlated_frames) * math.sqrt(2 * weights @ weights)
-    largest = int(np.argmax(size))
+    even[:MIN_SIDE] = False  # a spike at an end has no other side
+    even[-MIN_SIDE:] = False
+    size = np.where(even, np.abs(after - before), 0.0)
+    noise = noise_rms(record.values, record.correlated_frames)
     usual = _usual(size[even])
-    if size[largest] > max(JUMP_NOISE * noise, JUMP_SLOW * usual, 2 * record.quantum):
-        at_s = float(record.t_s[largest + MIN_SIDE])
-        raise RefusedError(
-            "spliced",
-            f"the values jump by {size[largest]:.3g} at {at_s:.6g} s, "
-            f"{size[largest] / max(usual, 1e-300):.0f} times what the swing does elsewhere: "
-            "two records in one, or a blow; choose one part by its stamps",
-        )
+    limit = max(
+        JUMP_NOISE * noise * math.sqrt(2 * weights @ weights),
+        JUMP_SLOW * usual,
+        2 * record.quantum,
+    )
+    side = int(np.clip(samples_per_period / 6, MIN_SIDE + 1, LONGEST_SIDE))
+    for _ in range(MAX_JUMPS):
+        place = int(np.argmax(size)) + MIN_SIDE  # the first sample after the jump
+        if not size[place - MIN_SIDE] > limit:
+            return
+        jump = abs(_robust_jump(record.values, place, side, noise))
+        if jump > limit:
+            raise RefusedError(
+                "spliced",
+                f"the values jump by {jump:.3g} at {record.t_s[place]:.6g} s, "
+                f"{jump / max(usual, 1e-300):.0f} times what the swing does elsewhere: "
+                "two records in one, or a blow; choose one part by its stamps",
+            )
+        size[max(0, place - 2 * MIN_SIDE) : place] = 0.0
 
 
 def refuse_growing(record: Sampled, points: TurningPoints, start: int) -> None:
@@ -101,6 +111,40 @@ def refuse_large_unit(amplitude: float) -> None:
             f"a swing of {amplitude:.3g} rad is beyond the upright position (3.14 rad): "
             "are the values degrees? Give the unit",
         )
+
+
+def _bridged(values: FloatArray) -> FloatArray:
+    """Replace single and paired spikes by a line: far from both sides, which agree in slope."""
+    is_spike = np.zeros(values.size, dtype=bool)
+    for lag in (1, 2):
+        inner = slice(2 * lag, -2 * lag)
+        before, after = np.roll(values, lag)[inner], np.roll(values, -lag)[inner]
+        further = np.roll(values, -2 * lag)[inner] - np.roll(values, 2 * lag)[inner]
+        away = np.abs(values[inner] - (before + after) / 2)
+        bend = np.abs(after - before - further / 2)
+        usual = 1.4826 * float(np.median(away))
+        is_spike[inner] |= (away > SPIKE_NOISE * usual) & (bend < away / 2)
+    kept = np.flatnonzero(~is_spike)
+    return np.asarray(np.interp(np.arange(values.size), kept, values[kept]))
+
+
+def _robust_jump(values: FloatArray, place: int, side: int, noise: float) -> float:
+    """Compute the jump between the parabolas through the samples before and from a place on."""
+    before = values[max(0, place - side) : place][::-1]
+    return _robust_end(values[place : place + side], noise) - _robust_end(before, noise)
+
+
+def _robust_end(values: FloatArray, noise: float) -> float:
+    """Extrapolate half a step before the first value by a parabola of least absolute residuals."""
+    u = np.arange(values.size) + 0.5
+    basis = np.stack([np.ones_like(u), u, u * u], axis=-1)
+    weights = np.ones_like(u)
+    for _ in range(ROBUST_PASSES):
+        root = np.sqrt(weights)
+        solution = np.linalg.lstsq(basis * root[:, None], values * root)[0]
+        weights = 1 / np.maximum(np.abs(values - basis @ solution), max(noise, 1e-300))
+        weights = weights / weights.max()
+    return float(solution[0])
 
 
 def _usual(sizes: FloatArray) -> float:
