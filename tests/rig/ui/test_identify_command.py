@@ -85,7 +85,7 @@ def test_a_run_is_identified_from_its_own_log(rig) -> None:
 
 def test_a_record_without_a_decay_gives_no_number(rig, tmp_path) -> None:
     t_s = np.arange(0.0, 10.0, 0.01)
-    driven = np.sin(6.0 * t_s) + np.random.default_rng(2).normal(0.0, 0.01, t_s.size)
+    driven = np.sin(6.0 * t_s) + np.random.default_rng(2).normal(0.0, 0.003, t_s.size)
     rows = [f"{t:.3f},{v:.6f}" for t, v in zip(t_s, driven, strict=True)]
     (tmp_path / "driven.csv").write_text("\n".join(["t_s,x_m", *rows]))
     code, said, _ = rig("identify", "driven.csv", "--json")
