@@ -76,11 +76,11 @@ class DecayFit:
         cost = max(float(self.residual @ self.residual), 1e-300)
         return count * math.log(cost) + self.layout.size * math.log(count)
 
-    def covariance(self) -> FloatArray:
-        """Covariance (P, P) of the parameters from noise alone."""
+    def covariance(self, pseudo_inverse: FloatArray) -> FloatArray:
+        """Covariance (P, P) of the parameters from noise alone; the influence is (P, N)."""
         record = self.record
         unit = unit_covariance(
-            influence(self.jacobian), self.tau, record.correlated_frames, record.frame_period_s
+            pseudo_inverse, self.tau, record.correlated_frames, record.frame_period_s
         )
         return self.variance * unit
 

@@ -58,6 +58,9 @@ def decay_of(record: Sampled, options: IdentifyOptions) -> tuple[DecayFit, list[
         refuse_large_unit(amplitude)
     if options.is_pendulum and amplitude > LARGE_RAD:
         found = large_fit(record, points, start, notes)
+        if options.modes is not None and options.modes > 1:
+            text = f"one mode is fitted beyond {LARGE_RAD} rad, {options.modes} were asked for"
+            notes.append(Reason("amplitude", text))
     else:
         found = _closed_fit(record, points, start, options, notes)
     _note_cuts(found, record, notes)

@@ -32,7 +32,6 @@ from rig.analysis.identify.spectrum import line_amplitudes, noise_excess
 from rig.analysis.identify.uncertainty import (
     ModelShare,
     ModeWithBudget,
-    damping_amplitude,
     gain_drift_hz,
     mode_with_budget,
     root_sum,
@@ -84,10 +83,7 @@ def _identification(
     refuse_wrong_fit(found, noise)
     frequency_hz = found.model.natural(found.p, 0)[0] / (2 * math.pi)
     reasons = [note for note in notes if note.is_doubt] + residual_reasons(found, noise)
-    at = damping_amplitude(found, 0)
-    doubts, *share = half_reasons(
-        found, gain_drift_hz(found, frequency_hz, at, options.gain_drift_rel)
-    )
+    doubts, *share = half_reasons(found, gain_drift_hz(found, options))
     reasons += doubts + clock_reasons(found.record, frequency_hz)
     ranked = _modes(found, options, ModelShare(share[0], share[1], len(reasons)))
     modes = tuple(entry.mode for entry in ranked)

@@ -78,7 +78,7 @@ def refuse_spliced(record: Sampled, frequency_hz: float) -> None:
         place = int(np.argmax(size)) + MIN_SIDE  # the first sample after the jump
         if not size[place - MIN_SIDE] > limit:
             return
-        jump = abs(_robust_jump(record.values, place, side, noise))
+        jump = abs(_robust_jump(record, place, side, noise))
         if jump > limit:
             raise RefusedError(
                 "spliced",
@@ -128,15 +128,24 @@ def _bridged(values: FloatArray) -> FloatArray:
     return np.asarray(np.interp(np.arange(values.size), kept, values[kept]))
 
 
-def _robust_jump(values: FloatArray, place: int, side: int, noise: float) -> float:
-    """Compute the jump between the parabolas through the samples before and from a place on."""
-    before = values[max(0, place - side) : place][::-1]
-    return _robust_end(values[place : place + side], noise) - _robust_end(before, noise)
+def _robust_jump(record: Sampled, place: int, side: int, noise: float) -> float:
+    """Compute the jump between the parabolas through the samples before and from a place on.
+
+    Samples beyond a gap are left out; 0 where too few remain.
+    """
+    middle_s = (record.t_s[place - 1] + record.t_s[place]) / 2
+    ends = []
+    for part in (slice(max(0, place - side), place), slice(place, place + side)):
+        u = np.abs(record.t_s[part] - middle_s) / record.step_s
+        near = u < side
+        if np.count_nonzero(near) <= MIN_SIDE:
+            return 0.0
+        ends.append(_robust_end(u[near], record.values[part][near], noise))
+    return ends[1] - ends[0]
 
 
-def _robust_end(values: FloatArray, noise: float) -> float:
-    """Extrapolate half a step before the first value by a parabola of least absolute residuals."""
-    u = np.arange(values.size) + 0.5
+def _robust_end(u: FloatArray, values: FloatArray, noise: float) -> float:
+    """Extrapolate to u = 0 by the parabola of least absolute residuals."""
     basis = np.stack([np.ones_like(u), u, u * u], axis=-1)
     weights = np.ones_like(u)
     for _ in range(ROBUST_PASSES):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -12,11 +12,10 @@ import numpy.typing as npt
 from rig.analysis.identify.decay_fit import DecayFit
 from rig.analysis.identify.identification import BudgetRow, Mode
 from rig.analysis.identify.identify_options import IdentifyOptions
-from rig.analysis.identify.spectrum import noise_excess
+from rig.analysis.identify.sensitivity import Effect, Sensitivity
 
 FloatArray = npt.NDArray[np.float64]
 
-DIFFERENCE = 1e-6
 DOUBT_FACTOR = 2.0  # each failed check adds a variance of so many noise sigmas, squared
 
 
@@ -44,8 +43,10 @@ def mode_with_budget(
     at = damping_amplitude(found, k)
     amplitude = float(found.model.amplitude(found.p, k, np.zeros(1))[0])
     damping = found.model.damping_ratio(found.p, k, at)
-    noise = _noise_row(found, k, at)
-    rows = [noise, *_systematic_rows(found, k, at, options)]
+    sensitivity = Sensitivity(found, k, at)
+    noise_effect = sensitivity.of_noise()
+    noise = BudgetRow("noise", noise_effect.frequency_hz, noise_effect.damping_ratio)
+    rows = [noise, *_systematic_rows(found, k, sensitivity, options)]
     rows.append(BudgetRow("halves", share.frequency_hz, share.damping_ratio))
     if share.failed_checks:
         factor = DOUBT_FACTOR * math.sqrt(share.failed_checks)
@@ -55,10 +56,6 @@ def mode_with_budget(
     if found.elliptic:
         rows = [_with_length(row, frequency_hz, options) for row in rows]
         rows.append(_gravity_row(frequency_hz, options))
-    sigma_amplitude = math.hypot(
-        _noise_sigma(found, k, lambda p: float(found.model.amplitude(p, k, np.zeros(1))[0])),
-        amplitude * options.angle_scale_rel,
-    )
     mode = Mode(
         frequency_hz=frequency_hz,
         damping_ratio=damping,
@@ -66,7 +63,7 @@ def mode_with_budget(
         at_amplitude=at,
         sigma_frequency_hz=root_sum(row.frequency_hz for row in rows),
         sigma_damping_ratio=root_sum(row.damping_ratio for row in rows),
-        sigma_amplitude=sigma_amplitude,
+        sigma_amplitude=math.hypot(noise_effect.amplitude, amplitude * options.angle_scale_rel),
         sigma_noise_frequency_hz=noise.frequency_hz,
         sigma_noise_damping_ratio=noise.damping_ratio,
         decay_time_s=1 / (damping * w0) if damping > 0 else math.inf,
@@ -92,9 +89,12 @@ def damping_amplitude(found: DecayFit, k: int) -> float:
     return float(np.sum(weight * amplitude) / max(float(np.sum(weight)), 1e-300))
 
 
-def gain_drift_hz(found: DecayFit, frequency_hz: float, at: float, drift_rel: float) -> float:
-    """Compute what a drift of the amplitude, zero at the start, does to a pendulum's frequency."""
-    return frequency_hz * at**2 / 8 * drift_rel / 2 if found.elliptic else 0.0
+def gain_drift_hz(found: DecayFit, options: IdentifyOptions) -> float:
+    """Compute what a drift of the gain does to the frequency of the first mode, sigma."""
+    sensitivity = Sensitivity(found, 0, damping_amplitude(found, 0))
+    part = found.tau / found.record.duration_s
+    change = options.gain_drift_rel * part * sensitivity.swing()
+    return abs(sensitivity.of_samples(change).frequency_hz)
 
 
 def root_sum(values: Iterable[float]) -> float:
@@ -102,50 +102,29 @@ def root_sum(values: Iterable[float]) -> float:
     return math.sqrt(sum(value * value for value in values))
 
 
-def _noise_row(found: DecayFit, k: int, at: float) -> BudgetRow:
-    def frequency_hz(p: FloatArray) -> float:
-        return found.model.natural(p, k)[0] / (2 * math.pi)
-
-    def damping_ratio(p: FloatArray) -> float:
-        return found.model.damping_ratio(p, k, at)
-
-    return BudgetRow(
-        "noise", _noise_sigma(found, k, frequency_hz), _noise_sigma(found, k, damping_ratio)
-    )
-
-
-def _noise_sigma(found: DecayFit, k: int, quantity: Callable[[FloatArray], float]) -> float:
-    """Propagate the covariance, with the noise density near the mode over its mean."""
-    w0, _ = found.model.natural(found.p, k)
-    excess = noise_excess(found.record, found.residual, w0 / (2 * math.pi))
-    gradient = np.zeros(found.p.size)
-    base = quantity(found.p)
-    for n in range(found.p.size):
-        step = DIFFERENCE * max(abs(found.p[n]), 1e-3)
-        moved = found.p.copy()
-        moved[n] += step
-        gradient[n] = (quantity(moved) - base) / step
-    return math.sqrt(max(0.0, float(gradient @ found.covariance() @ gradient)) * excess)
-
-
 def _systematic_rows(
-    found: DecayFit, k: int, at: float, options: IdentifyOptions
+    found: DecayFit, k: int, sensitivity: Sensitivity, options: IdentifyOptions
 ) -> list[BudgetRow]:
+    """Compute what wrong scale, clock and gain do; scale and gain through the fit itself."""
     w0, _ = found.model.natural(found.p, k)
     frequency_hz = w0 / (2 * math.pi)
-    scale = frequency_hz * at**2 / 8 * options.angle_scale_rel if found.elliptic else 0.0
+    swing = sensitivity.swing()
+    part = found.tau / found.record.duration_s
+    scale = sensitivity.of_samples(options.angle_scale_rel * swing)
+    gain = sensitivity.of_samples(options.gain_drift_rel * part * swing)
     rows = [
-        BudgetRow("angle scale", scale, 0.0),
+        _row("angle scale", scale),
         BudgetRow("clock", frequency_hz * options.clock_ppm * 1e-6, 0.0),
-        BudgetRow(
-            "gain drift",
-            gain_drift_hz(found, frequency_hz, at, options.gain_drift_rel),
-            options.gain_drift_rel / (w0 * found.record.duration_s),
-        ),
+        _row("gain drift", gain),
     ]
     if found.elliptic and found.layout.modes > 1:
+        at = damping_amplitude(found, k)
         rows.append(BudgetRow("coupling", frequency_hz * _coupling(found, k, at), 0.0))
     return rows
+
+
+def _row(term: str, effect: Effect) -> BudgetRow:
+    return BudgetRow(term, abs(effect.frequency_hz), abs(effect.damping_ratio))
 
 
 def _coupling(found: DecayFit, k: int, at: float) -> float:
