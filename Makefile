@@ -85,6 +85,7 @@ bench: $(READY)
 	$(THREADS) $(BIN)/python -m benchmarks.loop $(SHORT)
 	$(THREADS) $(BIN)/python -m benchmarks.planning $(SHORT)
 	$(THREADS) $(BIN)/python -m benchmarks.servo $(SHORT)
+	$(THREADS) $(BIN)/python -m benchmarks.identification --records 20 $(SHORT)
 
 # long trials of the running system, outside CI (kills needs root); SHORT=--short: a few of each
 endurance: $(READY)

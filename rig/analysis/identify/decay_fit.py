@@ -36,7 +36,7 @@ MAX_SPIKES = 0.1  # of the samples
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class DecayFit:
+class FittedDecay:
     """Fitted model of a window, and what it left."""
 
     record: Sampled
@@ -103,7 +103,7 @@ class DecayFit:
 
 def fit(
     record: Sampled, layout: Layout, start: FloatArray, *, elliptic: bool, is_large: bool = False
-) -> DecayFit:
+) -> FittedDecay:
     """Minimise the squares from a start on."""
     model: DecayModel
     if is_large:
@@ -118,7 +118,7 @@ def fit(
             _inside(layout, float(start[0]) if is_large else None),
             LARGE_MIN_GAIN if is_large else MIN_GAIN_REL,
         )
-    return DecayFit(
+    return FittedDecay(
         record=record,
         model=model,
         elliptic=elliptic,
@@ -129,7 +129,7 @@ def fit(
     )
 
 
-def refit(previous: DecayFit, record: Sampled, start: FloatArray | None = None) -> DecayFit:
+def refit(previous: FittedDecay, record: Sampled, start: FloatArray | None = None) -> FittedDecay:
     """Fit the same model to other samples."""
     return fit(
         record,
@@ -140,7 +140,7 @@ def refit(previous: DecayFit, record: Sampled, start: FloatArray | None = None) 
     )
 
 
-def without_spikes(found: DecayFit) -> DecayFit:
+def without_spikes(found: FittedDecay) -> FittedDecay:
     """Leave out the samples that stand alone, away from their neighbours, and fit again."""
     from scipy.ndimage import median_filter
 
@@ -158,7 +158,7 @@ def without_spikes(found: DecayFit) -> DecayFit:
     return replace(again, dropped=found.dropped + count)
 
 
-def with_term(found: DecayFit, term: str) -> DecayFit:
+def with_term(found: FittedDecay, term: str) -> FittedDecay:
     """Fit again with one term more, from its best small step."""
     layout = found.layout.with_term(term)
     start = np.append(found.p, 0.0)
@@ -170,7 +170,7 @@ def with_term(found: DecayFit, term: str) -> DecayFit:
     return fit(found.record, layout, start, elliptic=found.elliptic, is_large=found.is_large)
 
 
-def strongest_first(found: DecayFit) -> DecayFit:
+def strongest_first(found: FittedDecay) -> FittedDecay:
     """Order the modes by their energy over the window."""
     amplitudes = [found.model.amplitude(found.p, k, found.tau) for k in range(found.layout.modes)]
     order = np.argsort([-float(amplitude @ amplitude) for amplitude in amplitudes], kind="stable")
@@ -181,7 +181,7 @@ def strongest_first(found: DecayFit) -> DecayFit:
     return replace(found, p=found.p[columns], jacobian=found.jacobian[:, columns])
 
 
-def term_gains(found: DecayFit) -> dict[str, float]:
+def term_gains(found: FittedDecay) -> dict[str, float]:
     """Estimate by how many variances each absent term reduces the squares: a score test.
 
     Terms of damping exist in models of one mode, and only with the sign of a loss.
@@ -206,7 +206,7 @@ def advanced(p: FloatArray, layout: Layout, shift_s: float) -> FloatArray:
     return moved
 
 
-def _score(found: DecayFit, layout: Layout) -> tuple[float, float]:
+def _score(found: FittedDecay, layout: Layout) -> tuple[float, float]:
     """Gain in variances and step of the last parameter of a larger layout."""
     if found.is_large and layout.terms[-1] in DAMPING_TERMS:
         _, J = LargeSwing(found.record, layout)(np.append(found.p, 0.0))

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from rig.analysis.identify.decay_fit import DecayFit, fit, refit
+from rig.analysis.identify.decay_fit import FittedDecay, fit, refit
 from rig.analysis.identify.decay_window import (
     extended,
     faded_after,
@@ -39,7 +39,7 @@ LINEAR_GAIN = 25.0  # variances that a linear oscillator fits better by, before 
 GOOD_RESIDUAL = 2.0  # times the noise: no reason to look for another window
 
 
-def decay_of(record: Sampled, options: IdentifyOptions) -> tuple[DecayFit, list[Reason]]:
+def decay_of(record: Sampled, options: IdentifyOptions) -> tuple[FittedDecay, list[Reason]]:
     """Fit the free decay of a record; raises RefusedError where there is none."""
     frequency_hz = strongest_frequency_hz(record, record.values)
     refuse_clipped(record, frequency_hz)
@@ -73,7 +73,7 @@ def _closed_fit(
     start: int,
     options: IdentifyOptions,
     notes: list[Reason],
-) -> DecayFit:
+) -> FittedDecay:
     """Fit by the closed model from the first large turning point on, to a rise where it helps."""
     first = int(points.sample[start])
     if options.is_pendulum and record.values.size - first >= MIN_SAMPLES:
@@ -107,7 +107,7 @@ def kind_doubts(window: Sampled) -> list[Reason]:
     ]
 
 
-def _window_fit(record: Sampled, first: int, stop: int, options: IdentifyOptions) -> DecayFit:
+def _window_fit(record: Sampled, first: int, stop: int, options: IdentifyOptions) -> FittedDecay:
     if record.values.size - first < MIN_SAMPLES:
         first = 0
     whole = record.part(0, stop)
@@ -143,7 +143,7 @@ def _thinned(record: Sampled, frequency_hz: float, notes: list[Reason]) -> Sampl
     return thinned(record, block)
 
 
-def _note_cuts(found: DecayFit, record: Sampled, notes: list[Reason]) -> None:
+def _note_cuts(found: FittedDecay, record: Sampled, notes: list[Reason]) -> None:
     lead_s = float(found.record.t_s[0] - record.t_s[0])
     tail_s = float(record.t_s[-1] - found.record.t_s[-1])
     if lead_s > record.step_s:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from rig.analysis.identify.decay_fit import DecayFit, advanced, refit
+from rig.analysis.identify.decay_fit import FittedDecay, advanced, refit
 from rig.analysis.identify.errors import RefusedError
 from rig.analysis.identify.sampled import Sampled
 from rig.analysis.identify.turning_points import TurningPoints
@@ -52,7 +52,7 @@ def stop_before_rise(points: TurningPoints, start: int) -> int | None:
     return int(points.sample[start + bottom]) if bottom >= MIN_DECAYED_SWINGS else None
 
 
-def extended(found: DecayFit, whole: Sampled, first: int) -> DecayFit:
+def extended(found: FittedDecay, whole: Sampled, first: int) -> FittedDecay:
     """Take the samples before the window too, as far back as the model explains them.
 
     whole: the record; first: index of the first sample of the window in it.
@@ -80,7 +80,7 @@ def extended(found: DecayFit, whole: Sampled, first: int) -> DecayFit:
     return refit(found, window, advanced(found.p, found.layout, shift_s))
 
 
-def faded_after(found: DecayFit) -> int | None:
+def faded_after(found: FittedDecay) -> int | None:
     """Find the sample after which all modes are far below the noise; None where they are not."""
     tau = found.tau
     amplitude = np.zeros_like(tau)

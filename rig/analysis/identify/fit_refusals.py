@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from rig.analysis.identify.decay_fit import DecayFit
+from rig.analysis.identify.decay_fit import FittedDecay
 from rig.analysis.identify.errors import RefusedError
 from rig.analysis.identify.identification import Mode, Reason
 
@@ -28,7 +28,7 @@ LARGEST_SWING_RAD = 2.6
 FORCED_SHARE = 0.5  # of the swing at the end of the window
 
 
-def refuse_wrong_fit(found: DecayFit, noise: float) -> None:
+def refuse_wrong_fit(found: FittedDecay, noise: float) -> None:
     """Refuse a record of noise, one too short, and one that is no decay."""
     record = found.record
     values, residual = record.values, found.residual
@@ -63,7 +63,7 @@ def refuse_wrong_fit(found: DecayFit, noise: float) -> None:
         )
 
 
-def refuse_wrong_damping(found: DecayFit, modes: tuple[Mode, ...]) -> None:
+def refuse_wrong_damping(found: FittedDecay, modes: tuple[Mode, ...]) -> None:
     """Refuse a swing that grows, or whose envelope is that of a steady drive.
 
     Two modes that the window cannot tell apart have no damping of their own to judge by.
@@ -92,7 +92,7 @@ def refuse_wrong_damping(found: DecayFit, modes: tuple[Mode, ...]) -> None:
             )
 
 
-def mode_reasons(found: DecayFit, modes: tuple[Mode, ...]) -> list[Reason]:
+def mode_reasons(found: FittedDecay, modes: tuple[Mode, ...]) -> list[Reason]:
     """Doubt negative damping, modes that the window cannot tell apart, and the model's range."""
     reasons = []
     for mode in modes:
@@ -106,7 +106,7 @@ def mode_reasons(found: DecayFit, modes: tuple[Mode, ...]) -> list[Reason]:
     return reasons
 
 
-def _unresolved(found: DecayFit, modes: tuple[Mode, ...]) -> list[Reason]:
+def _unresolved(found: FittedDecay, modes: tuple[Mode, ...]) -> list[Reason]:
     """Name pairs of modes that beat less than once in the window."""
     reasons = []
     frequencies = np.sort([mode.frequency_hz for mode in modes])

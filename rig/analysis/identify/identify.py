@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from rig.analysis.identify.decay_fit import DecayFit
+from rig.analysis.identify.decay_fit import FittedDecay
 from rig.analysis.identify.decay_search import decay_of
 from rig.analysis.identify.errors import RefusedError
 from rig.analysis.identify.fit_refusals import (
@@ -77,7 +77,7 @@ def _chosen_part(t: FloatArray, y: FloatArray, options: IdentifyOptions) -> Samp
 
 
 def _identification(
-    record: Sampled, found: DecayFit, notes: list[Reason], options: IdentifyOptions
+    record: Sampled, found: FittedDecay, notes: list[Reason], options: IdentifyOptions
 ) -> Identification:
     noise = noise_floor(found, record.quantum)
     refuse_wrong_fit(found, noise)
@@ -124,12 +124,12 @@ def _identification(
     )
 
 
-def _modes(found: DecayFit, options: IdentifyOptions, share: ModelShare) -> list[ModeWithBudget]:
+def _modes(found: FittedDecay, options: IdentifyOptions, share: ModelShare) -> list[ModeWithBudget]:
     """Compute the modes, the one of most energy over the window first."""
     return [mode_with_budget(found, k, options, share) for k in range(found.layout.modes)]
 
 
-def _traces(found: DecayFit, decomposed: Pencil) -> Traces:
+def _traces(found: FittedDecay, decomposed: Pencil) -> Traces:
     lines_hz, amplitudes = line_amplitudes(found.record, found.residual)
     orders, poles_hz, damping = stabilisation(decomposed)
     return Traces(

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from rig.analysis.identify.decay_fit import DecayFit, fit, without_spikes
+from rig.analysis.identify.decay_fit import FittedDecay, fit, without_spikes
 from rig.analysis.identify.decay_model import Layout
 from rig.analysis.identify.errors import RefusedError
 from rig.analysis.identify.identification import Reason
@@ -26,7 +26,9 @@ GOOD_RESIDUAL = 3.0  # times the noise
 MAX_PERIODS = 25.0  # integration costs time in proportion; the largest swings say most
 
 
-def large_fit(record: Sampled, points: TurningPoints, start: int, notes: list[Reason]) -> DecayFit:
+def large_fit(
+    record: Sampled, points: TurningPoints, start: int, notes: list[Reason]
+) -> FittedDecay:
     """Fit the integrated pendulum from a turning point on; raises RefusedError when too short.
 
     A start a period later is taken where it leaves less than half: no hand or latch is in it.
@@ -45,7 +47,9 @@ def large_fit(record: Sampled, points: TurningPoints, start: int, notes: list[Re
     return found
 
 
-def _fit_from(record: Sampled, points: TurningPoints, start: int, notes: list[Reason]) -> DecayFit:
+def _fit_from(
+    record: Sampled, points: TurningPoints, start: int, notes: list[Reason]
+) -> FittedDecay:
     p = _start(points, start)
     first = int(points.sample[start])
     period_s = 2 * math.pi / p[0]

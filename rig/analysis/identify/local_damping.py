@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from rig.analysis.identify.decay_fit import DecayFit
+from rig.analysis.identify.decay_fit import FittedDecay
 from rig.analysis.identify.decay_model import MODE_SIZE
 from rig.analysis.identify.identification import DampingAt
 from rig.analysis.identify.least_squares import influence, unit_covariance
@@ -30,7 +30,7 @@ class Shift(NamedTuple):
     sigma: float
 
 
-def half_shifts(found: DecayFit) -> tuple[list[Shift], list[Shift]] | None:
+def half_shifts(found: FittedDecay) -> tuple[list[Shift], list[Shift]] | None:
     """Estimate frequency [Hz] and damping ratio of the first mode in two parts of the window.
 
     The parts hold the same information on the decay rate; None where one of them is too short.
@@ -49,7 +49,7 @@ def half_shifts(found: DecayFit) -> tuple[list[Shift], list[Shift]] | None:
     return first, second
 
 
-def damping_over_amplitude(found: DecayFit, excess: float) -> tuple[DampingAt, ...]:
+def damping_over_amplitude(found: FittedDecay, excess: float) -> tuple[DampingAt, ...]:
     """Estimate the damping ratio of the first mode in up to eight parts of the window.
 
     excess: variance of the noise near the mode over that of white noise.
@@ -77,7 +77,7 @@ def damping_over_amplitude(found: DecayFit, excess: float) -> tuple[DampingAt, .
     return tuple(rows)
 
 
-def _shifts(found: DecayFit, part: Indices) -> list[Shift]:
+def _shifts(found: FittedDecay, part: Indices) -> list[Shift]:
     """Solve one Gauss-Newton step for the modes and the offset on a part of the samples."""
     columns = found.jacobian[part, : MODE_SIZE * found.layout.modes + 1]
     inverse = influence(columns)

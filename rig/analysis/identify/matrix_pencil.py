@@ -76,7 +76,8 @@ def poles(decomposed: Pencil, order: int) -> list[Pole]:
         if is_kept and abs(s.real) < MAX_DAMPING_RATIO * w0:
             residue = 2 * residues[k]
             amplitude, phase = abs(residue), float(np.angle(residue))
-            found.append(Pole(w0 / (2 * math.pi), -s.real / w0, amplitude, phase))
+            frequency_hz = float(w0) / (2 * math.pi)
+            found.append(Pole(frequency_hz, float(-s.real / w0), float(amplitude), phase))
     return found
 
 

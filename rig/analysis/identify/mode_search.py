@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rig.analysis.identify.decay_fit import (
-    DecayFit,
+    FittedDecay,
     fit,
     strongest_first,
     term_gains,
@@ -32,7 +32,7 @@ MAX_STEPS = 8
 MANY_SAMPLES = 20_000
 
 
-def first_fit(record: Sampled, *, elliptic: bool) -> DecayFit:
+def first_fit(record: Sampled, *, elliptic: bool) -> FittedDecay:
     """Fit one mode, from the strongest line of the spectrum or the strongest pole."""
     layout = Layout(1)
     frequency_hz = strongest_frequency_hz(record, record.values)
@@ -44,7 +44,7 @@ def first_fit(record: Sampled, *, elliptic: bool) -> DecayFit:
     return min(fits, key=_cost)
 
 
-def search(found: DecayFit, modes: int | None, highest: int) -> DecayFit:
+def search(found: FittedDecay, modes: int | None, highest: int) -> FittedDecay:
     """Add terms and modes while they gain; modes given: exactly so many, terms by gain."""
     found = without_spikes(found)
     highest = highest if modes is None else modes
@@ -61,7 +61,7 @@ def search(found: DecayFit, modes: int | None, highest: int) -> DecayFit:
     return strongest_first(found)
 
 
-def _larger(found: DecayFit, highest: int, modes: int | None) -> list[DecayFit]:
+def _larger(found: FittedDecay, highest: int, modes: int | None) -> list[FittedDecay]:
     """Fit the models one step larger that gain enough."""
     candidates = []
     gains = term_gains(found)
@@ -74,7 +74,7 @@ def _larger(found: DecayFit, highest: int, modes: int | None) -> list[DecayFit]:
     return [larger for larger in candidates if _gain(found, larger) > MIN_GAIN]
 
 
-def _wants_mode(found: DecayFit) -> bool:
+def _wants_mode(found: FittedDecay) -> bool:
     """Tell if the residual holds a line, or more than white noise does."""
     spread = np.fft.rfft(found.residual - found.residual.mean())
     power = np.abs(spread[1:]) ** 2
@@ -85,7 +85,7 @@ def _wants_mode(found: DecayFit) -> bool:
     return line / found.record.correlated_frames > math.log(count) + 7.0
 
 
-def _with_mode(found: DecayFit, *, is_asked: bool) -> list[DecayFit]:
+def _with_mode(found: FittedDecay, *, is_asked: bool) -> list[FittedDecay]:
     """Fit one mode more: from the poles of the record, and from the line in the residual.
 
     Unless asked for, only where the singular values of the record stand out for so many.
@@ -116,21 +116,21 @@ def _with_mode(found: DecayFit, *, is_asked: bool) -> list[DecayFit]:
     return [larger for larger in fits if _is_mode_gained(found, larger)]
 
 
-def _best_starts(found: DecayFit, layout: Layout, starts: list[FloatArray]) -> list[FloatArray]:
+def _best_starts(found: FittedDecay, layout: Layout, starts: list[FloatArray]) -> list[FloatArray]:
     """Keep the start of least squares where a fit of each would take long."""
     model = mode_sum(found.record, layout, elliptic=found.elliptic)
     costs = [float(np.sum((found.record.values - model(start)[0]) ** 2)) for start in starts]
     return [starts[int(np.argmin(costs))]] if starts else []
 
 
-def _grid_noise(found: DecayFit, decomposed: Pencil) -> float:
+def _grid_noise(found: FittedDecay, decomposed: Pencil) -> float:
     """White noise on the grid of the pencil, which averages samples where it is coarser."""
     record = found.record
     averaged = max(1.0, decomposed.step_s / record.step_s / record.correlated_frames)
     return max(found.residual_noise(), record.quantum / math.sqrt(12)) / math.sqrt(averaged)
 
 
-def _is_mode_gained(found: DecayFit, larger: DecayFit) -> bool:
+def _is_mode_gained(found: FittedDecay, larger: FittedDecay) -> bool:
     """Tell if a mode more explains the record better, and none but the first dies at once."""
     ordered = strongest_first(larger)
     for k in range(1, ordered.layout.modes):
@@ -178,14 +178,14 @@ def _sinusoid(
     return _damped(record, [Pole(hz, 0.0, 0.0, 0.0) for hz in frequencies_hz])
 
 
-def _gain(found: DecayFit, larger: DecayFit) -> float:
+def _gain(found: FittedDecay, larger: FittedDecay) -> float:
     """Reduction of the squares in variances of the larger model."""
     return (_cost(found) - _cost(larger)) / larger.variance / found.record.correlated_frames
 
 
-def _gain_per_parameter(found: DecayFit, larger: DecayFit) -> float:
+def _gain_per_parameter(found: FittedDecay, larger: FittedDecay) -> float:
     return _gain(found, larger) / (larger.layout.size - found.layout.size)
 
 
-def _cost(found: DecayFit) -> float:
+def _cost(found: FittedDecay) -> float:
     return float(found.residual @ found.residual)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from rig.analysis.identify.decay_fit import EXACT, DecayFit
+from rig.analysis.identify.decay_fit import EXACT, FittedDecay
 from rig.analysis.identify.identification import Reason
 from rig.analysis.identify.local_damping import half_shifts
 from rig.analysis.identify.sampled import Sampled, clock_doubt
@@ -26,7 +26,7 @@ MAX_HOLES = 0.2  # of the window
 SLOW_STEP_S, SLOW_HZ = 1.0, 0.05  # beyond both, stamps are more likely milliseconds
 
 
-def noise_floor(found: DecayFit, quantum: float) -> float:
+def noise_floor(found: FittedDecay, quantum: float) -> float:
     """White noise of the record: fourth differences of what is left, and the quantum's share.
 
     Not below what the closed model leaves of an exact pendulum.
@@ -35,7 +35,7 @@ def noise_floor(found: DecayFit, quantum: float) -> float:
     return max(found.residual_noise(), quantum / math.sqrt(12), least)
 
 
-def residual_reasons(found: DecayFit, noise: float) -> list[Reason]:
+def residual_reasons(found: FittedDecay, noise: float) -> list[Reason]:
     """Judge size, whiteness and lines of the residual."""
     reasons: list[Reason] = []
     rms = math.sqrt(found.variance)
@@ -70,7 +70,7 @@ def residual_reasons(found: DecayFit, noise: float) -> list[Reason]:
     return reasons
 
 
-def half_reasons(found: DecayFit, drift_hz: float) -> tuple[list[Reason], float, float]:
+def half_reasons(found: FittedDecay, drift_hz: float) -> tuple[list[Reason], float, float]:
     """Compare both halves of the window; also the model's share of the uncertainty.
 
     drift_hz: what the drift of the gain does to the frequency, sigma.
@@ -122,7 +122,7 @@ def clock_reasons(record: Sampled, frequency_hz: float) -> list[Reason]:
     return reasons
 
 
-def whiteness(found: DecayFit) -> float:
+def whiteness(found: FittedDecay) -> float:
     """Compute the probability of autocorrelations this large in white noise (Ljung & Box 1978).
 
     Of a moving average over n frames every n-th sample is taken, which share no frame.
@@ -149,7 +149,7 @@ def whiteness(found: DecayFit) -> float:
     return float(gammaincc(lags / 2, statistic / 2))
 
 
-def strongest_amplitude(found: DecayFit) -> float:
+def strongest_amplitude(found: FittedDecay) -> float:
     """Amplitude of the strongest mode at the start of the window."""
     start = np.zeros(1)
     return max(

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from rig.analysis.identify.decay_fit import DecayFit
+from rig.analysis.identify.decay_fit import FittedDecay
 from rig.analysis.identify.identification import Mode, SecondOpinion
 from rig.analysis.identify.large_swing import natural_over_swing
 from rig.analysis.identify.matrix_pencil import Pencil, pencil, poles
@@ -26,7 +26,7 @@ def window_pencil(record: Sampled, frequency_hz: float) -> Pencil:
     return pencil(record, SAMPLES_PER_PERIOD, frequency_hz)
 
 
-def second_opinion(found: DecayFit, decomposed: Pencil, mode: Mode) -> SecondOpinion:
+def second_opinion(found: FittedDecay, decomposed: Pencil, mode: Mode) -> SecondOpinion:
     """Estimate the first mode by other methods; of a pendulum corrected to small swings."""
     swing_hz = mode.frequency_hz
     correction = 1.0

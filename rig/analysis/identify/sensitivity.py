@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from rig.analysis.identify.decay_fit import DecayFit
+from rig.analysis.identify.decay_fit import FittedDecay
 from rig.analysis.identify.decay_model import DRIFTS, drift
 from rig.analysis.identify.least_squares import influence
 from rig.analysis.identify.spectrum import noise_excess
@@ -30,7 +30,7 @@ class Effect(NamedTuple):
 class Sensitivity:
     """Derivatives of the quantities of mode k by the samples, of first order."""
 
-    def __init__(self, found: DecayFit, k: int, at: float) -> None:
+    def __init__(self, found: FittedDecay, k: int, at: float) -> None:
         self._found = found
         self._inverse = influence(found.jacobian)
         w0, _ = found.model.natural(found.p, k)

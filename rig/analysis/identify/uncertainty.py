@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from rig.analysis.identify.decay_fit import DecayFit
+from rig.analysis.identify.decay_fit import FittedDecay
 from rig.analysis.identify.identification import BudgetRow, Mode
 from rig.analysis.identify.identify_options import IdentifyOptions
 from rig.analysis.identify.sensitivity import Effect, Sensitivity
@@ -35,7 +35,7 @@ class ModelShare(NamedTuple):
 
 
 def mode_with_budget(
-    found: DecayFit, k: int, options: IdentifyOptions, share: ModelShare
+    found: FittedDecay, k: int, options: IdentifyOptions, share: ModelShare
 ) -> ModeWithBudget:
     """Compute mode k and the rows of its budget."""
     w0, _ = found.model.natural(found.p, k)
@@ -72,7 +72,7 @@ def mode_with_budget(
     return ModeWithBudget(mode, tuple(rows))
 
 
-def damping_amplitude(found: DecayFit, k: int) -> float:
+def damping_amplitude(found: FittedDecay, k: int) -> float:
     """Compute the amplitude that a common damping ratio belongs to.
 
     The slope of log B over time, weighted with B^2, is the mean of the local slopes with the
@@ -89,7 +89,7 @@ def damping_amplitude(found: DecayFit, k: int) -> float:
     return float(np.sum(weight * amplitude) / max(float(np.sum(weight)), 1e-300))
 
 
-def gain_drift_hz(found: DecayFit, options: IdentifyOptions) -> float:
+def gain_drift_hz(found: FittedDecay, options: IdentifyOptions) -> float:
     """Compute what a drift of the gain does to the frequency of the first mode, sigma."""
     sensitivity = Sensitivity(found, 0, damping_amplitude(found, 0))
     part = found.tau / found.record.duration_s
@@ -103,7 +103,7 @@ def root_sum(values: Iterable[float]) -> float:
 
 
 def _systematic_rows(
-    found: DecayFit, k: int, sensitivity: Sensitivity, options: IdentifyOptions
+    found: FittedDecay, k: int, sensitivity: Sensitivity, options: IdentifyOptions
 ) -> list[BudgetRow]:
     """Compute what wrong scale, clock and gain do; scale and gain through the fit itself."""
     w0, _ = found.model.natural(found.p, k)
@@ -127,7 +127,7 @@ def _row(term: str, effect: Effect) -> BudgetRow:
     return BudgetRow(term, abs(effect.frequency_hz), abs(effect.damping_ratio))
 
 
-def _coupling(found: DecayFit, k: int, at: float) -> float:
+def _coupling(found: FittedDecay, k: int, at: float) -> float:
     """Bound how far other modes change the frequency of mode k through the amplitude, relative.
 
     Which share of the angle is one mode's is not known: A^2/16 of each, doubled for the others.
