@@ -7,8 +7,7 @@ import math
 import numpy as np
 
 from vision.axis import Axis, MeasuredAxis, MeasuredRows
-from vision.finder import Points
-from vision.knee import MIN_LINK_SHARE, STEP_ROWS, find_knee, has_links, robust_fit
+from vision.knee import KNEE_GAIN, MIN_LINK_SHARE, STEP_ROWS, find_knee, has_links
 from vision.line_fit import (
     MIN_ROWS,
     AxisFit,
@@ -31,10 +30,8 @@ MAX_NEWTON_PX = 1.5  # beyond, the template covers another slope of the profile
 MAX_NEWTON_BLURS = 1.5  # the same for a blurred cable
 BEND_SIGMAS = 5.0  # a bend below is noise
 MIN_BEND_PX = 0.02
-MIN_SHAPE_POINTS = 12
 MAX_SHAPE_ERROR_PX = 0.4  # of a parabola, for a cable that vibrates
 KNEE_FACTOR = 4.0  # correlation of the rows that a parabola does not explain
-KNEE_GAIN = 0.5  # a joint must leave less of the scatter than a parabola does
 KNEE_NOISES, KNEE_SCATTER_PX = 1.3, 0.005  # and not much more than the noise of a row
 MIN_KNEE_SLOPE = 3e-3  # below, the row of the joint is not measured
 MIN_FIRST_KNEE_SLOPE = 8e-3  # below, a joint is not told from a bend
@@ -296,19 +293,3 @@ class AxisFitter:
         level = float(square.mean()) - lever * middle
         line = ImageLine(float(columns.mean()) - slope * middle, slope)
         return Axis(line, bend_px, level, lever)
-
-    def shapes(self, points: Points) -> list[Axis]:
-        """List the shapes that points near a line may have: straight, bent, or with a joint."""
-        rows, columns = points.rows_px, points.columns_px
-        found = [Axis(points.line)]
-        if rows.size < MIN_SHAPE_POINTS:
-            return found
-        t = (2.0 * rows - self._height) / self._height
-        bent, bent_px = robust_fit(np.stack([np.ones_like(rows), rows, t * t]), columns)
-        parabola = Axis(ImageLine(float(bent[0]), float(bent[1])), float(bent[2]))
-        knee = find_knee(rows, columns)
-        if knee is None or knee.scatter_px >= KNEE_GAIN * bent_px:
-            return [*found, parabola]
-        if knee.row - rows[0] > MIN_LINK_SHARE * self._height:
-            found.append(Axis(knee.line, knee_row=knee.row, knee_slope=knee.change))
-        return [*found, parabola]

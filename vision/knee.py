@@ -14,6 +14,7 @@ KNEES = 24  # places tried at first
 FINE_KNEES = 8  # and between the neighbours of the best one
 MIN_SEGMENT_ROWS = 6  # of the rows that are looked at, on each side
 MIN_LINK_SHARE = 0.2  # of the height of the picture, for the rows of the first link
+KNEE_GAIN = 0.5  # a joint must leave less of the scatter than a parabola does
 OUTLIER_SCALES_PX = (20.0, 4.0, 1.0, 0.5)
 
 

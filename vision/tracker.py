@@ -15,6 +15,7 @@ import numpy as np
 
 from vision.axis import Axis, MeasuredAxis
 from vision.axis_fitter import AxisFitter
+from vision.axis_shapes import axis_shapes
 from vision.errors import VisionError
 from vision.finder import Finder, Found
 from vision.fit import Fit, LowerLink, TrackFailure
@@ -222,7 +223,7 @@ class Tracker:
         """
         points = self._finders[scale].points(image, found.line, pivot_px, levels)
         if points is not None:
-            yield from self._fitter.shapes(points)
+            yield from axis_shapes(points, self.height)
         slope = found.line.slope
         yield Axis(ImageLine(pivot_px[0] - slope * pivot_px[1], slope))
 

@@ -115,7 +115,7 @@ def _doubts(summary: Summary, run: RunLog) -> list[str]:
             doubts.append(f"link '{name}': {row.lost_kernel} lost by the kernel")
     doubts += _frame_doubts(summary)
     gap_s = peak_gap_s(run)
-    if gap_s is not None and run.angles:
+    if gap_s is not None and run.angles and summary.complete and summary.running_s is None:
         doubts.append(
             f"no angle from {gap_s[0]:.2f} to {gap_s[1]:.2f} s: the peak swing is not given, "
             "because it may have been then"

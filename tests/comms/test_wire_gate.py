@@ -70,7 +70,7 @@ BOUND: dict[str, tuple[float, float]] = {
     "background": (0.0, 255.0),
     "saturation": (0.0, 1.0),
     "phase": (0, 4),
-    "reason": (0, 12),
+    "reason": (0, 13),
     "space": (0, 1),
     "swing_plane": (0, 1),
     "count": (1, 6),

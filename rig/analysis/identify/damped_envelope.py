@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from rig.analysis.identify.free_swing import Envelope
+from rig.analysis.identify.free_swing import SwingEnvelope
 from rig.analysis.identify.least_squares import derivative
 
 FloatArray = npt.NDArray[np.float64]
@@ -21,7 +21,7 @@ NODES = 240  # of the spline through the envelope, which is slow
 SMALL = 1e-6  # rate times time below which sinh(x)/x is its series
 
 
-def envelope_with_terms(tau: FloatArray, numbers: FloatArray, *, elliptic: bool) -> Envelope:
+def envelope_with_terms(tau: FloatArray, numbers: FloatArray, *, elliptic: bool) -> SwingEnvelope:
     """Compute the envelope (N,) and its derivatives by numbers = (B0, d, b, k).
 
     Computed at nodes and interpolated by cubic splines; their integral gives the lag.
@@ -38,17 +38,17 @@ def envelope_with_terms(tau: FloatArray, numbers: FloatArray, *, elliptic: bool)
     slopes[B == 0] = 0.0
     if not np.isfinite(slopes).all():  # a step far beyond any decay: its cost is no number
         nothing = np.full((tau.size, numbers.size), np.nan)
-        return Envelope(nothing[:, 0], nothing, nothing[:, 0], nothing)
+        return SwingEnvelope(nothing[:, 0], nothing, nothing[:, 0], nothing)
     curves = CubicSpline(nodes, np.column_stack([B, slopes]))(tau)
     amplitude, amplitude_slopes = np.maximum(curves[:, 0], 0.0), curves[:, 1:]
     if not elliptic:
-        return Envelope(amplitude, amplitude_slopes, np.zeros_like(tau), 0 * amplitude_slopes)
+        return SwingEnvelope(amplitude, amplitude_slopes, np.zeros_like(tau), 0 * amplitude_slopes)
     rate = B**2 / 16 + 3 / 1024 * B**4
     rate_slopes = (B / 8 + 3 / 256 * B**3)[:, None] * slopes
     rates = CubicSpline(nodes, np.column_stack([rate, rate_slopes]))
     integral = rates.antiderivative()
     lags = integral(tau) - integral(0.0)
-    return Envelope(amplitude, amplitude_slopes, lags[:, 0], lags[:, 1:])
+    return SwingEnvelope(amplitude, amplitude_slopes, lags[:, 0], lags[:, 1:])
 
 
 def riccati(t: FloatArray, numbers: Numbers) -> Numbers:

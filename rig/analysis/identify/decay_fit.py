@@ -14,8 +14,8 @@ from rig.analysis.identify.decay_model import (
     MODE_SIZE,
     TERMS,
     DecayModel,
-    Layout,
     ModeSum,
+    ParameterLayout,
     mode_sum,
 )
 from rig.analysis.identify.large_swing import LargeSwing
@@ -49,7 +49,7 @@ class FittedDecay:
     dropped: int = 0  # samples left out as spikes
 
     @property
-    def layout(self) -> Layout:
+    def layout(self) -> ParameterLayout:
         """Modes and terms."""
         return self.model.layout
 
@@ -102,7 +102,12 @@ class FittedDecay:
 
 
 def fit(
-    record: Sampled, layout: Layout, start: FloatArray, *, elliptic: bool, is_large: bool = False
+    record: Sampled,
+    layout: ParameterLayout,
+    start: FloatArray,
+    *,
+    elliptic: bool,
+    is_large: bool = False,
 ) -> FittedDecay:
     """Minimise the squares from a start on."""
     model: DecayModel
@@ -196,7 +201,7 @@ def term_gains(found: FittedDecay) -> dict[str, float]:
     return gains
 
 
-def advanced(p: FloatArray, layout: Layout, shift_s: float) -> FloatArray:
+def advanced(p: FloatArray, layout: ParameterLayout, shift_s: float) -> FloatArray:
     """Move the start of the parameters by shift_s, amplitudes by viscous damping alone."""
     moved = p.copy()
     for k in range(layout.modes):
@@ -206,7 +211,7 @@ def advanced(p: FloatArray, layout: Layout, shift_s: float) -> FloatArray:
     return moved
 
 
-def _score(found: FittedDecay, layout: Layout) -> tuple[float, float]:
+def _score(found: FittedDecay, layout: ParameterLayout) -> tuple[float, float]:
     """Gain in variances and step of the last parameter of a larger layout."""
     if found.is_large and layout.terms[-1] in DAMPING_TERMS:
         _, J = LargeSwing(found.record, layout)(np.append(found.p, 0.0))
@@ -222,7 +227,7 @@ def _score(found: FittedDecay, layout: Layout) -> tuple[float, float]:
     return gain, step
 
 
-def _inside(layout: Layout, large_from: float | None) -> Callable[[FloatArray], bool]:
+def _inside(layout: ParameterLayout, large_from: float | None) -> Callable[[FloatArray], bool]:
     """Make the bounds; an integrated swing keeps near the frequency that it starts from."""
 
     def is_inside(p: FloatArray) -> bool:

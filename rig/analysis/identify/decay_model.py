@@ -22,8 +22,8 @@ DAMPING_TERMS = TERMS[2:]
 MAX_DECAY_REL = 0.6  # decay rate over damped frequency
 
 
-class Layout(NamedTuple):
-    """Where the parameters stand: those of each mode, the offset, the terms in order."""
+class ParameterLayout(NamedTuple):
+    """Places of the parameters: those of each mode, the offset, the terms in order."""
 
     modes: int
     terms: tuple[str, ...] = ()
@@ -50,9 +50,9 @@ class Layout(NamedTuple):
         """Parameters (4,) of mode k."""
         return p[MODE_SIZE * k : MODE_SIZE * (k + 1)]
 
-    def with_term(self, term: str) -> Layout:
+    def with_term(self, term: str) -> ParameterLayout:
         """Make the layout with one term more."""
-        return Layout(self.modes, (*self.terms, term))
+        return ParameterLayout(self.modes, (*self.terms, term))
 
     def is_decay(self, p: FloatArray) -> bool:
         """Tell if frequencies and amplitudes are positive and damping lies within its bound."""
@@ -67,8 +67,8 @@ class DecayModel(Protocol):
     """Model of the samples of one window."""
 
     @property
-    def layout(self) -> Layout:
-        """Where the parameters stand."""
+    def layout(self) -> ParameterLayout:
+        """Places of the parameters."""
 
     def __call__(self, p: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Compute values (N,) and Jacobian (N, P)."""
@@ -88,7 +88,7 @@ class ModeSum:
     """Sum of decaying modes in closed form; that of a pendulum holds below about 0.5 rad."""
 
     tau: FloatArray
-    layout: Layout
+    layout: ParameterLayout
     elliptic: bool
     average_frames: int
     frame_period_s: float
@@ -153,7 +153,7 @@ def drift(part: FloatArray, term: str) -> FloatArray:
     return u if term == "trend" else u * u
 
 
-def mode_sum(record: Sampled, layout: Layout, *, elliptic: bool) -> ModeSum:
+def mode_sum(record: Sampled, layout: ParameterLayout, *, elliptic: bool) -> ModeSum:
     """Make the model of the samples of a window."""
     tau = record.t_s - record.t_s[0]
     return ModeSum(

@@ -1,4 +1,4 @@
-"""From a record to the fit of its free decay: thinning, window, model, and what was cut."""
+"""Search of the free decay in a record: thinning, window, model, and what was cut."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ FloatArray = npt.NDArray[np.float64]
 SERIES_BELOW = 0.02  # rate times time; the series to x^4 is exact to rounding here
 
 
-class Envelope(NamedTuple):
+class SwingEnvelope(NamedTuple):
     """Amplitude of a mode over time, and how much it lags behind the small swing.
 
     slopes: derivatives by (amplitude at 0, decay rate, ...), as many as the damping has numbers.
@@ -60,7 +60,7 @@ def pendulum_swing(
 def mode_swing(
     p: FloatArray,
     tau: FloatArray,
-    envelope: Envelope,
+    envelope: SwingEnvelope,
     average_frames: int,
     frame_period_s: float,
 ) -> tuple[FloatArray, FloatArray]:
@@ -98,13 +98,13 @@ def mode_swing(
     return swing, np.stack(columns, axis=-1)
 
 
-def viscous_envelope(tau: FloatArray, B0: float, decay: float, *, elliptic: bool) -> Envelope:
+def viscous_envelope(tau: FloatArray, B0: float, decay: float, *, elliptic: bool) -> SwingEnvelope:
     """Compute the envelope of viscous damping, B0 exp(-decay tau), with its two derivatives."""
     E = np.exp(-decay * tau)
     B = B0 * E
     B_slopes = np.stack([E, -tau * B], axis=-1)
     if not elliptic:
-        return Envelope(B, B_slopes, np.zeros_like(tau), np.zeros_like(B_slopes))
+        return SwingEnvelope(B, B_slopes, np.zeros_like(tau), np.zeros_like(B_slopes))
     D, by_rate = _decaying_integral(2 * decay, tau)
     by_decay = 2 * by_rate
     EE = E * E
@@ -113,7 +113,7 @@ def viscous_envelope(tau: FloatArray, B0: float, decay: float, *, elliptic: bool
     lag = B0**2 * (D / 16 + B0**2 * fourth)
     by_B0 = B0 * (D / 8 + 4 * B0**2 * fourth)
     lag_by_decay = B0**2 * (by_decay / 16 + B0**2 * fourth_by_decay)
-    return Envelope(B, B_slopes, lag, np.stack([by_B0, lag_by_decay], axis=-1))
+    return SwingEnvelope(B, B_slopes, lag, np.stack([by_B0, lag_by_decay], axis=-1))
 
 
 def turning_point(B: FloatArray) -> FloatArray:

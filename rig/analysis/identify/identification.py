@@ -12,7 +12,7 @@ FloatArray = npt.NDArray[np.float64]
 
 
 class Reason(NamedTuple):
-    """Why a result is doubtful or refused, or what was done to the record (a note)."""
+    """Reason why a result is doubtful or refused, or what was done to the record (a note)."""
 
     code: str
     text: str  # with the measured figures

@@ -1,4 +1,4 @@
-"""What the caller of the identification knows and the record does not say."""
+"""Options of an identification: knowledge of the caller that the record does not have."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rig.analysis.identify.decay_fit import FittedDecay, fit, without_spikes
-from rig.analysis.identify.decay_model import Layout
+from rig.analysis.identify.decay_model import ParameterLayout
 from rig.analysis.identify.errors import RefusedError
 from rig.analysis.identify.identification import Reason
 from rig.analysis.identify.large_swing import natural_over_swing
@@ -63,7 +63,7 @@ def _fit_from(
         raise RefusedError(
             "too_short", f"{whole.values.size} samples after the largest swing: record longer"
         )
-    layout = Layout(1)
+    layout = ParameterLayout(1)
     periods = FIRST_PERIODS
     while True:
         stop = int(np.searchsorted(whole.t_s, whole.t_s[0] + periods * period_s))

@@ -12,7 +12,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from rig.analysis.identify.decay_model import DAMPING_TERMS, DRIFTS, Layout, drift
+from rig.analysis.identify.decay_model import DAMPING_TERMS, DRIFTS, ParameterLayout, drift
 from rig.analysis.identify.sampled import Sampled
 
 FloatArray = npt.NDArray[np.float64]
@@ -29,7 +29,7 @@ class LargeSwing:
     start, angle A cos(phase) and rate -w0 A sin(phase).
     """
 
-    def __init__(self, record: Sampled, layout: Layout) -> None:
+    def __init__(self, record: Sampled, layout: ParameterLayout) -> None:
         self.layout = layout
         self.tau = record.t_s - record.t_s[0]
         frames, period_s = record.average_frames, record.frame_period_s

@@ -16,7 +16,7 @@ from rig.analysis.identify.decay_fit import (
     with_term,
     without_spikes,
 )
-from rig.analysis.identify.decay_model import MODE_SIZE, Layout, mode_sum
+from rig.analysis.identify.decay_model import MODE_SIZE, ParameterLayout, mode_sum
 from rig.analysis.identify.matrix_pencil import Pencil, Pole, order_by_gap, pencil, poles
 from rig.analysis.identify.sampled import Sampled
 from rig.analysis.identify.spectrum import strongest_frequency_hz
@@ -34,7 +34,7 @@ MANY_SAMPLES = 20_000
 
 def first_fit(record: Sampled, *, elliptic: bool) -> FittedDecay:
     """Fit one mode, from the strongest line of the spectrum or the strongest pole."""
-    layout = Layout(1)
+    layout = ParameterLayout(1)
     frequency_hz = strongest_frequency_hz(record, record.values)
     starts = [_sinusoid(record, [frequency_hz])]
     found = poles(pencil(record, SAMPLES_PER_PERIOD, frequency_hz), 3)
@@ -106,7 +106,7 @@ def _with_mode(found: FittedDecay, *, is_asked: bool) -> list[FittedDecay]:
         modes = found.p[: MODE_SIZE * (count - 1)]
         starts.append(np.concatenate([modes, extra[:MODE_SIZE], [found.p[found.layout.offset]]]))
     drifts = tuple(term for term in found.layout.terms if term.startswith("trend"))
-    layout = Layout(count, drifts)
+    layout = ParameterLayout(count, drifts)
     drift = np.zeros(len(drifts))
     whole = [np.append(start, drift) for start in starts]
     whole = [start for start in whole if layout.is_decay(start)]
@@ -116,7 +116,9 @@ def _with_mode(found: FittedDecay, *, is_asked: bool) -> list[FittedDecay]:
     return [larger for larger in fits if _is_mode_gained(found, larger)]
 
 
-def _best_starts(found: FittedDecay, layout: Layout, starts: list[FloatArray]) -> list[FloatArray]:
+def _best_starts(
+    found: FittedDecay, layout: ParameterLayout, starts: list[FloatArray]
+) -> list[FloatArray]:
     """Keep the start of least squares where a fit of each would take long."""
     model = mode_sum(found.record, layout, elliptic=found.elliptic)
     costs = [float(np.sum((found.record.values - model(start)[0]) ** 2)) for start in starts]

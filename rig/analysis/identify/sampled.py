@@ -32,7 +32,7 @@ class Sampled:
 
     @property
     def duration_s(self) -> float:
-        """From the first stamp to the last [s]."""
+        """Time from the first stamp to the last [s]."""
         return float(self.t_s[-1] - self.t_s[0])
 
     @property

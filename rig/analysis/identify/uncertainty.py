@@ -27,7 +27,7 @@ class ModeWithBudget(NamedTuple):
 
 
 class ModelShare(NamedTuple):
-    """What the checks of the fit add to the uncertainty."""
+    """Part of the uncertainty that the checks of the fit add."""
 
     frequency_hz: float  # half of the difference of the halves beyond noise
     damping_ratio: float

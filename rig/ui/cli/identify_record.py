@@ -14,12 +14,14 @@ from rig.analysis.readers.read import read_signal
 from rig.analysis.readers.signal_record import ReadOptions, SignalRecord
 from rig.analysis.run_log import RunLog
 from rig.errors import BAD_DATA, EXIT_STATUS, OK, ConfigError
+from rig.run import runs
 from rig.studies.robust_choice import RobustChoice, choose_planner
 from rig.ui.cli.identify_tables import print_identification
 from rig.ui.cli.output import print_json, working
 from rig.ui.cli.page import print_written
 from rig.ui.plots import picture_file
 
+RUNS = Path("runs")
 LENGTHS_M = (0.05, 20.0)  # of a cable for which a move is planned
 LOG_NAME = "run.mcap"
 OWN_LOG = "log of a run"  # kind of a record of ours
@@ -39,11 +41,7 @@ def identify_file(request: IdentifyRequest) -> int:
     """Identify the decay in a file and print the answer; returns the exit code."""
     if request.plot is not None:
         picture_file.check(request.plot)
-    if not request.file.exists():
-        raise ConfigError(
-            f"{request.file}: no such file; must be a table, a trace, a log or a run folder: check "
-            "the path"
-        )
+    request = request._replace(file=_found(request.file))
     with working(f"reading {request.file}", quiet=request.as_json):
         record = read_signal(request.file, request.reading)
     options = _of_record(request, record)
@@ -61,6 +59,19 @@ def identify_file(request: IdentifyRequest) -> int:
     print_identification(record, found, choice)
     print_written(request.plot if found.modes else None)
     return code
+
+
+def _found(file: Path) -> Path:
+    """Find a file, or a recorded run by part of its name or `last`; raises ConfigError."""
+    if file.exists():
+        return file
+    try:
+        return runs.find_log(str(file), RUNS)
+    except ConfigError:
+        raise ConfigError(
+            f"{file}: no such file and no such run; must be a table, a trace, a log or a run: "
+            "check the path"
+        ) from None
 
 
 def _of_record(request: IdentifyRequest, record: SignalRecord) -> IdentifyOptions:

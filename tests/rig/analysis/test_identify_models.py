@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from rig.analysis.identify.damped_envelope import envelope_with_terms, riccati
-from rig.analysis.identify.decay_model import DecayModel, Layout, mode_sum
+from rig.analysis.identify.decay_model import DecayModel, ParameterLayout, mode_sum
 from rig.analysis.identify.free_swing import pendulum_swing
 from rig.analysis.identify.large_swing import LargeSwing, natural_over_swing
 from rig.analysis.identify.sampled import noise_rms, quantum_of, sampled, thinned
@@ -35,18 +35,22 @@ def central(model: DecayModel, p: Array) -> Array:
 @pytest.mark.parametrize(
     ("layout", "p", "elliptic"),
     [
-        (Layout(1), [3.2, 0.02, 0.3, 0.5, 0.01], True),
-        (Layout(1), [3.2, 0.3, 0.3, 0.5, 0.01], True),
-        (Layout(1), [3.2, 0.0, 0.3, 0.5, 0.01], True),
-        (Layout(1), [3.2, -0.02, 0.3, 0.5, 0.01], False),
-        (Layout(2), [3.2, 0.02, 0.1, 0.5, 5.1, 0.05, 0.05, -1, 0.01], True),
-        (Layout(1, ("trend", "trend_squared")), [3.2, 0.02, 0.2, 0.5, 0, 0.03, 0.02], False),
-        (Layout(1, ("quadratic", "coulomb")), [3.2, 0.02, 0.3, 0.5, 0, 0.05, 0.003], True),
-        (Layout(1, ("coulomb", "trend")), [3.2, 0.02, 0.3, 0.5, 0, 0.003, 0.02], False),
+        (ParameterLayout(1), [3.2, 0.02, 0.3, 0.5, 0.01], True),
+        (ParameterLayout(1), [3.2, 0.3, 0.3, 0.5, 0.01], True),
+        (ParameterLayout(1), [3.2, 0.0, 0.3, 0.5, 0.01], True),
+        (ParameterLayout(1), [3.2, -0.02, 0.3, 0.5, 0.01], False),
+        (ParameterLayout(2), [3.2, 0.02, 0.1, 0.5, 5.1, 0.05, 0.05, -1, 0.01], True),
+        (
+            ParameterLayout(1, ("trend", "trend_squared")),
+            [3.2, 0.02, 0.2, 0.5, 0, 0.03, 0.02],
+            False,
+        ),
+        (ParameterLayout(1, ("quadratic", "coulomb")), [3.2, 0.02, 0.3, 0.5, 0, 0.05, 0.003], True),
+        (ParameterLayout(1, ("coulomb", "trend")), [3.2, 0.02, 0.3, 0.5, 0, 0.003, 0.02], False),
     ],
 )
 def test_the_jacobian_of_the_closed_model_is_its_derivative(
-    layout: Layout, p: list[float], elliptic: bool
+    layout: ParameterLayout, p: list[float], elliptic: bool
 ) -> None:
     model = mode_sum(RECORD, layout, elliptic=elliptic)
     at = np.array(p)
@@ -57,7 +61,7 @@ def test_the_jacobian_of_the_closed_model_is_its_derivative(
 
 def test_the_jacobian_of_an_averaged_swing_spans_its_derivative() -> None:
     p = np.array([3.2, 0.05, 0.2, 0.5, 0.01])
-    model = mode_sum(AVERAGED, Layout(1), elliptic=True)
+    model = mode_sum(AVERAGED, ParameterLayout(1), elliptic=True)
     found, expected = model(p)[1], central(model, p)
     projected = found @ np.linalg.lstsq(found, expected)[0]
     np.testing.assert_allclose(projected, expected, atol=1e-6)
@@ -69,7 +73,7 @@ def test_the_jacobian_of_an_averaged_swing_spans_its_derivative() -> None:
 @pytest.mark.parametrize("terms", [(), ("quadratic",), ("coulomb", "quadratic")])
 def test_the_jacobian_of_the_integrated_pendulum_is_its_derivative(terms: tuple[str, ...]) -> None:
     p = np.array([3.2, 0.05, 1.4, 0.2, 0.01, *[0.02] * len(terms)])
-    model = LargeSwing(RECORD, Layout(1, terms))
+    model = LargeSwing(RECORD, ParameterLayout(1, terms))
     expected = central(model, p)
     np.testing.assert_allclose(model(p)[1], expected, atol=1e-4 * np.abs(expected).max())
 
@@ -78,7 +82,7 @@ def test_the_integrated_pendulum_is_the_pendulum_and_names_its_turning_points() 
     truth = pendulum(T, 2.0, 0.5, 0.01)
     w0 = math.pi
     p = np.array([w0, 0.01 * w0, 2.0, 0.0, 0.0])
-    model = LargeSwing(RECORD, Layout(1))
+    model = LargeSwing(RECORD, ParameterLayout(1))
     np.testing.assert_allclose(model(p)[0], truth, atol=1e-5)
     turn = int(np.argmin(truth))
     assert model.amplitude(p, 0, T[turn : turn + 1])[0] == pytest.approx(-truth[turn], rel=1e-3)
@@ -96,7 +100,7 @@ def test_the_damping_ratio_at_an_amplitude_takes_the_energy_of_drag_and_friction
     dx = top * np.cos(u)
     viscous = np.trapezoid(rate * dx, u)
     expected = (drag * np.trapezoid(rate**2 * dx, u) + dry * top) / (2 * w0 * viscous)
-    model = LargeSwing(RECORD, Layout(1, ("quadratic", "coulomb")))
+    model = LargeSwing(RECORD, ParameterLayout(1, ("quadratic", "coulomb")))
     found = model.damping_ratio(np.array([w0, 0, 1.4, 0, 0, quadratic, coulomb]), 0, top)
     assert found == pytest.approx(float(expected), rel=1e-5)
 

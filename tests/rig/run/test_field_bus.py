@@ -16,12 +16,13 @@ from hypothesis import strategies as st
 from comms.can_bits import frame_bits
 from comms.can_bus import CanSettings
 from comms.clock import new_run_clock
+from rig.analysis.readers import can_trace
 from rig.errors import ConfigError, Refused, RunFailed
 from rig.run import operator_file
 from rig.run.config import read_experiment
 from rig.run.doctor import examine
 from rig.run.drive_section import AxisDriveSection
-from rig.run.field_bus import bus_choice, objects, source, traffic
+from rig.run.field_bus import bus_choice, objects, source
 from rig.run.field_bus.bus_choice import BusOptions, choose_bus, run_on
 from rig.run.field_bus.check import check_field_bus
 from rig.run.field_bus.decoding import Decoder
@@ -465,7 +466,7 @@ def test_a_trace_of_every_kind_is_read_as_it_was_written(tmp_path, suffix):
     # the writer of TRC does not write what marks a remote frame
     written = [f for f in frames_of() if not (f.is_remote_frame and suffix == ".trc")]
     write_trace(path, written)
-    read = list(traffic.read_trace(path))
+    read = list(can_trace.read_trace(path))
     assert [(f.arbitration_id, f.is_extended_id, f.is_remote_frame) for f in read] == [
         (f.arbitration_id, f.is_extended_id, f.is_remote_frame) for f in written
     ]
@@ -479,7 +480,7 @@ def test_a_trace_of_every_kind_is_read_as_it_was_written(tmp_path, suffix):
 def test_bytes_that_are_no_trace_are_damage(tmp_path, suffix):
     path = tmp_path / f"t{suffix}"
     path.write_bytes(b"no trace at all, (1) x\n" * 9)
-    with pytest.raises(traffic.DamagedTrace, match=r"no \w+ trace after 0 frames|no frame in"):
+    with pytest.raises(can_trace.DamagedTrace, match=r"no \w+ trace after 0 frames|no frame in"):
         source.trace_source(path, None)
 
 
@@ -491,8 +492,8 @@ def test_a_damaged_trace_is_read_up_to_its_damage_or_named(tmp_path_factory, suf
     data = path.read_bytes()
     cut = int(share * len(data))
     path.write_bytes(data[:cut] + noise + data[cut + len(noise) :])
-    with contextlib.suppress(traffic.DamagedTrace):
-        assert len(list(traffic.read_trace(path))) <= 20
+    with contextlib.suppress(can_trace.DamagedTrace):
+        assert len(list(can_trace.read_trace(path))) <= 20
 
 
 def test_a_node_that_answers_no_more_is_a_fault():

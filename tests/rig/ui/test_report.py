@@ -303,7 +303,7 @@ def test_the_model_of_a_chain_has_no_length_of_a_cable(tmp_path):
 
 def test_a_log_of_an_old_build_has_a_report(tmp_path):
     _, page = report_of(tmp_path, OLD_LOG)
-    assert page.inside("h1")[0].startswith("The load keeps 2.6 mrad")
+    assert page.inside("h1")[0].startswith("The load keeps 2.7 mrad")
     assert ("a", "href", f"./{OLD_LOG.name}") in page.attributes
 
 
