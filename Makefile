@@ -42,6 +42,8 @@ OLDEST_LEAVES_OUT := $(addprefix --ignore=tests/,test_readme_commands.py test_en
   planners/test_boundary_value_numerical.py rig/run/test_waypoints.py \
   rig/run/test_two_cameras.py rig/ui/test_calibrate_command.py rig/ui/test_calibrate_camera_command.py \
   rig/ui/test_help.py rig/ui/test_law_commands.py \
+  rig/ui/test_track_command.py rig/ui/test_tune_command.py rig/run/test_static_scene.py rig/run/test_bench_faults.py \
+  vision/test_video_tracker.py vision/test_look_findings.py vision/test_tracked.py vision/test_scene_check.py \
   rig/ui/test_report_in_browser.py rig/ui/test_servo_observer_command.py) \
   $(addprefix --ignore=,$(filter-out tests/sim_rig/test_bench_camera.py,$(wildcard tests/sim_rig/test_*.py)))
 setup-oldest: $(OLDEST)/.ready

@@ -144,11 +144,11 @@ def test_what_is_recovered_of_damaged_copies_opens_in_every_reader(reader, tmp_p
         assert sum(reader(mended)["counts"].values()) == found.messages > 0
 
 
-def test_a_hundred_damaged_copies_are_recovered_without_a_crash(tmp_path):
+def test_forty_damaged_copies_are_recovered_without_a_crash(tmp_path):
     whole = OLD_LOG.read_bytes()
     rng = random.Random(11)
     messages = []
-    for k in range(100):
+    for k in range(40):
         data = bytearray(whole)
         if k % 2:
             del data[rng.randrange(len(data)) :]
@@ -158,8 +158,8 @@ def test_a_hundred_damaged_copies_are_recovered_without_a_crash(tmp_path):
         (tmp_path / "broken.mcap").write_bytes(data)
         with suppress(LogError):  # refused by name where not one record is left
             messages.append(recover(tmp_path / "broken.mcap", tmp_path / "mended.mcap").messages)
-    assert len(messages) > 95
-    assert sum(count > 1000 for count in messages) > 60
+    assert len(messages) > 37
+    assert sum(count > 1000 for count in messages) > 24
 
 
 def test_an_intact_log_is_recovered_whole(tmp_path):

@@ -31,11 +31,12 @@ def test_a_wrong_length_is_found_and_the_swing_is_gone(rig) -> None:
 
 
 def test_a_load_that_hardly_swings_is_excited_first(rig) -> None:
-    code, said, _ = rig("tune", "--virtual", "--set", "bench.pendulum.length_m=1.0")
+    brief = ("--set", "experiment.quiet_s=0.6", "--set", "experiment.watch_s=5")
+    code, said, _ = rig("tune", "--virtual", "--set", "bench.pendulum.length_m=1.0", *brief)
     assert code == 0
     assert "found: cable of 1.00" in said
     assert "rig run tuned.toml" in said
-    assert "excite: law" in said or len(list(Path("runs").iterdir())) == 3
+    assert len(list(Path("runs").iterdir())) == 3  # before, excited, after
 
 
 def test_an_experiment_without_a_cable_to_move_is_refused(rig) -> None:
