@@ -15,6 +15,7 @@ MIN_SIGMAS = 5.0  # of the noise, darker than the ground
 MIN_LEVELS = 8.0
 OPENING_PX = 5  # a cable thinner than this is not part of the blob
 CONTRAST_SHARE = 0.3  # of the contrast of the blob, at its edge
+MIN_CONTRAST_SHARE = 0.3  # of a ground that is nearly as dark as the blob
 EDGE_PX = 3  # beyond the edge, still weighted
 
 Mask = np.ndarray[Any, np.dtype[np.bool_]]
@@ -35,7 +36,7 @@ class Blob(NamedTuple):
 def find_blob(ground: Grey, picture: Grey, noise: float) -> Blob | None:
     """Find the largest region of picture (height, width) that is darker than the ground.
 
-    The centroid is weighted with the difference of the levels. noise: of a pixel.
+    The centroid is weighted with the share of each pixel that is covered. noise: of a pixel.
     """
     depth = np.asarray(cv2.subtract(ground, picture), np.uint8)
     mask = blob_mask(depth, noise)
@@ -53,15 +54,19 @@ def find_blob(ground: Grey, picture: Grey, noise: float) -> Blob | None:
     box = slice(max(top, 0), bottom), slice(max(left, 0), right)
     kernel = np.ones((2 * EDGE_PX + 1, 2 * EDGE_PX + 1), np.uint8)
     near = cv2.dilate(sharp[box].astype(np.uint8), kernel)
-    weight = (ground[box].astype(np.float64) - picture[box]) * near
+    # share of each pixel that the blob covers, whatever the ground is there
+    level = float(np.median(picture[sharp]))
+    whole = np.maximum(ground[box].astype(np.float64) - level, MIN_CONTRAST_SHARE * contrast)
+    weight = (ground[box].astype(np.float64) - picture[box]) / whole * near
     total = float(weight.sum())
     v, u = np.mgrid[box[0].start : box[0].start + weight.shape[0], 0 : weight.shape[1]]
     u = u + box[1].start
     centre_u, centre_v = float((weight * u).sum()) / total, float((weight * v).sum()) / total
     # each pixel moves the centroid by its distance from it over the sum of the weights
-    spread_u = math.sqrt(float((near * np.square(u - centre_u)).sum()))
-    spread_v = math.sqrt(float((near * np.square(v - centre_v)).sum()))
-    sigma = (noise * spread_u / total, noise * spread_v / total)
+    noise_square = near * np.square(noise / whole)
+    spread_u = math.sqrt(float((noise_square * np.square(u - centre_u)).sum()))
+    spread_v = math.sqrt(float((noise_square * np.square(v - centre_v)).sum()))
+    sigma = (spread_u / total, spread_v / total)
     return Blob(
         centre_u, centre_v, sigma, int(np.count_nonzero(sharp)), contrast, touches, rows.size
     )

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from vision.blob import Blob, blob_mask, find_blob
-from vision.circle_fit import Circle, fit_circle
+from vision.circle_fit import SIGMA_PER_MAD, Circle, fit_circle
 from vision.line_fit import Grey
 from vision.ridge import grey_levels
 from vision.static_scene import median_picture
@@ -24,6 +24,7 @@ MAX_SCATTER_PX = 2.0  # of the centroids about the circle
 MAX_SCATTER_SHARE = 0.05  # of the length of the arc
 MAX_AREA_RATIO = 1.6  # of the largest blob over the smallest
 MIN_RADIUS_BLOBS = 1.5  # radius of the circle in diameters of the blob
+MAX_RADIUS_ARCS = 200.0  # radius over the arc; more is a straight way, such as that of a person
 UP = ((0.0, -1.0), (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0))  # pivot before turns 0 to 3
 
 
@@ -112,7 +113,8 @@ def _circle(whole: Sequence[tuple[Blob, tuple[float, float]]]) -> Circle | None:
         return None
     arc = math.hypot(float(np.ptp(u)), float(np.ptp(v)))
     diameter = 2.0 * math.sqrt(float(np.median(areas)) / math.pi)
-    if circle.radius_px < MIN_RADIUS_BLOBS * diameter:
+    far_px = MAX_RADIUS_ARCS * arc
+    if not MIN_RADIUS_BLOBS * diameter <= circle.radius_px <= far_px:
         return None
     if circle.scatter_px > min(MAX_SCATTER_PX, MAX_SCATTER_SHARE * arc):
         return None
@@ -134,15 +136,23 @@ def _ground(seen: Sequence[Grey]) -> tuple[Grey | None, bool]:
         return _without(seen, moved_dark, median), False
     if sum_dark < ONE_SIDED * sum_bright:
         return _without(seen, moved_bright, median), True
-    # the bob is in the median too: the ground is interpolated across all that moved
+    # the bob is in the median too, and what it always covers never changes: the ground is
+    # interpolated along each row from one end of what moved to the other
     swept = np.zeros(median.shape, bool)
     for mask in (*moved_dark, *moved_bright):
         if mask is not None:
             swept |= mask
-    swept = _grown(swept)
+    swept = _spanned(_grown(swept))
     ground = _interpolated(median, swept)
     change = ground.astype(np.float64)[swept] - median[swept]
     return ground, bool(np.sum(change) < 0.0)
+
+
+def _spanned(mask: Any) -> Any:
+    """Fill each row of a mask from its first marked pixel to its last one."""
+    from_left = np.maximum.accumulate(mask, axis=1)
+    from_right = np.maximum.accumulate(mask[:, ::-1], axis=1)[:, ::-1]
+    return from_left & from_right
 
 
 def _depth(depths: Sequence[Grey], masks: Sequence[Any]) -> float:
@@ -182,6 +192,22 @@ def _interpolated(picture: Grey, unknown: Any) -> Grey:
             level = np.interp(columns[~known], columns[known], picture[row, known])
             filled[row, ~known] = level
     return filled
+
+
+def about_pivot(found: BobLook, pivot_px: tuple[float, float]) -> BobLook:
+    """Take a pivot that is told, in the view, as the centre of the circle."""
+    seen = [blob for blob in found.blobs if blob is not None and not blob.touches_border]
+    distances = np.array([math.hypot(blob.u - pivot_px[0], blob.v - pivot_px[1]) for blob in seen])
+    radius_px = float(np.median(distances))
+    scatter_px = SIGMA_PER_MAD * float(np.median(np.abs(distances - radius_px)))
+    circle = found.circle._replace(
+        centre_px=pivot_px,
+        radius_px=radius_px,
+        sigma_centre_px=(0.0, 0.0),
+        sigma_radius_px=scatter_px / math.sqrt(len(seen)),
+        scatter_px=scatter_px,
+    )
+    return found._replace(circle=circle)
 
 
 def _turns(found: BobLook) -> int:

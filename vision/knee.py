@@ -13,6 +13,7 @@ STEP_ROWS = 4  # one row in four is enough to find the joint
 KNEES = 24  # places tried at first
 FINE_KNEES = 8  # and between the neighbours of the best one
 MIN_SEGMENT_ROWS = 6  # of the rows that are looked at, on each side
+MIN_LOWER_SHARE = 0.08  # the same for the second link; fewer rows are the edge of a load
 MIN_LINK_SHARE = 0.2  # of the height of the picture, for the rows of the first link
 KNEE_GAIN = 0.5  # a joint must leave less of the scatter than a parabola does
 OUTLIER_SCALES_PX = (20.0, 4.0, 1.0, 0.5)
@@ -30,7 +31,8 @@ class Knee(NamedTuple):
 def has_links(v: Rows, axis: Axis, height: int) -> bool:
     """Tell if there are enough rows v (N,) on both sides of the joint of an axis."""
     above = int(np.count_nonzero(v < (axis.knee_row or 0.0)))
-    return above >= MIN_LINK_SHARE * height and len(v) - above >= MIN_ROWS
+    below = len(v) - above
+    return above >= MIN_LINK_SHARE * height and below >= max(MIN_ROWS, MIN_LOWER_SHARE * height)
 
 
 def find_knee(rows: FloatArray, columns: FloatArray) -> Knee | None:

@@ -21,8 +21,8 @@ from vision.stream import (
 
 MIN_PULLDOWN = 4  # repetitions at equal distances
 RUN_TEXTS = {
-    FindingKind.DAMAGED: "damaged: rows do not belong to the picture, or its decoder says so; no "
-    "angle is taken there, copy the file again from the camera",
+    FindingKind.DAMAGED: "damaged: rows do not fit the pictures before and after, or the decoder "
+    "says so; no angle is taken there. Copy the file again, or fix a camera that shakes",
     FindingKind.FROZEN: "the picture stands still: no angle is taken there; check camera and cable "
     "of the camera",
     FindingKind.DUPLICATE: "shows the picture before: no angle is taken there; record at the rate "

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from vision.bob import BobTracker
+from vision.bob_look import about_pivot
 from vision.first_look import Look, LookChoices, Subject, look
 from vision.fit import Fit, TrackFailure
 from vision.line_fit import Grey
@@ -51,7 +52,10 @@ class VideoTracker:
         is_corrected = found.is_pivot_known and not self._keeps_pivot
         if found.bob is not None:
             is_told = bool(pivots_px) and not is_corrected
-            self._tracker = BobTracker(found.bob, is_pivot_told=is_told)
+            bob = found.bob
+            if pivots_px and is_told:
+                bob = about_pivot(bob, found.view.to_view(pivots_px[0], self._size))
+            self._tracker = BobTracker(bob, is_pivot_told=is_told)
         else:
             self._tracker = Tracker(width, height, found.cable, found.scene)
         if pivots_px and is_corrected and found.pivot is not None:

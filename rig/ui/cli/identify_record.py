@@ -6,14 +6,16 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from comms.errors import LogError
 from planners.errors import PlanError
 from rig.analysis.identify.identification import Identification
 from rig.analysis.identify.identify import identify_record
 from rig.analysis.identify.identify_options import IdentifyOptions
+from rig.analysis.readers.errors import UnreadableData
 from rig.analysis.readers.read import read_signal
 from rig.analysis.readers.signal_record import ReadOptions, SignalRecord
 from rig.analysis.run_log import RunLog
-from rig.errors import BAD_DATA, EXIT_STATUS, OK, ConfigError
+from rig.errors import BAD_DATA, EXIT_STATUS, OK, ConfigError, RigError
 from rig.run import runs
 from rig.studies.robust_choice import RobustChoice, choose_planner
 from rig.ui.cli.identify_tables import print_identification
@@ -24,6 +26,7 @@ from rig.ui.plots import picture_file
 RUNS = Path("runs")
 LENGTHS_M = (0.05, 20.0)  # of a cable for which a move is planned
 LOG_NAME = "run.mcap"
+HARMLESS = ("not_white", "holes", "halves", "clock")  # widen the result, and leave it
 OWN_LOG = "log of a run"  # kind of a record of ours
 
 
@@ -43,7 +46,7 @@ def identify_file(request: IdentifyRequest) -> int:
         picture_file.check(request.plot)
     request = request._replace(file=_found(request.file))
     with working(f"reading {request.file}", quiet=request.as_json):
-        record = read_signal(request.file, request.reading)
+        record = _read(request)
     options = _of_record(request, record)
     with working(f"identifying {record.values.size} samples", quiet=request.as_json):
         found = identify_record(record.t_s, record.values, options)
@@ -61,13 +64,29 @@ def identify_file(request: IdentifyRequest) -> int:
     return code
 
 
+def _read(request: IdentifyRequest) -> SignalRecord:
+    """Read the record; raises ConfigError for a file or a part of it without a signal."""
+    try:
+        record = read_signal(request.file, request.reading)
+    except UnreadableData as error:
+        raise ConfigError(str(error)) from None
+    first_s, last_s = float(record.t_s[0]), float(record.t_s[-1])
+    from_s, to_s = request.model.from_s, request.model.to_s
+    if (from_s is not None and from_s >= last_s) or (to_s is not None and to_s <= first_s):
+        raise ConfigError(
+            f"--from {from_s} --to {to_s} leaves nothing of {request.file}; must be within "
+            f"{first_s:.4g} to {last_s:.4g} s: choose another part"
+        )
+    return record
+
+
 def _found(file: Path) -> Path:
     """Find a file, or a recorded run by part of its name or `last`; raises ConfigError."""
     if file.exists():
         return file
     try:
         return runs.find_log(str(file), RUNS)
-    except ConfigError:
+    except RigError:
         raise ConfigError(
             f"{file}: no such file and no such run; must be a table, a trace, a log or a run: "
             "check the path"
@@ -80,7 +99,10 @@ def _of_record(request: IdentifyRequest, record: SignalRecord) -> IdentifyOption
     path = request.file / LOG_NAME if request.file.is_dir() else request.file
     if not record.kind.startswith(OWN_LOG):
         return options
-    run = RunLog.open(path)
+    try:
+        run = RunLog.open(path)
+    except LogError:  # angles alone, as `rig track --mcap` writes them
+        return options
     rate_hz = run.facts.rate_of(run.main_camera)
     if rate_hz and run.t_start_s is not None:
         from_s = options.from_s
@@ -99,6 +121,8 @@ def _choice(found: Identification) -> RobustChoice | None:
     """Compare planners for the cable that was found; None where there is none to move."""
     length_m, sigma_m = found.cable_length_m, found.sigma_cable_length_m
     if length_m is None or sigma_m is None or not found.modes:
+        return None
+    if any(reason.code not in HARMLESS for reason in found.reasons):
         return None
     if not LENGTHS_M[0] <= length_m <= LENGTHS_M[1] or sigma_m > length_m:
         return None

@@ -10,6 +10,14 @@ from rig.studies.robust_choice import SIGMAS, RobustChoice
 from rig.ui.cli.output import COLOUR
 from rig.ui.cli.page import Column, plain_table, print_command, print_paragraph, print_table
 
+HINTS = {  # by code of a reason
+    "kind": "try --kind linear, or another --unit",
+    "not_white": "the uncertainty is widened for it",
+    "holes": "the uncertainty is widened for it; record without losses",
+    "halves": "look at the damping over amplitude, or take a part with --from and --to",
+    "unresolved": "record longer, so that the modes can be told apart",
+    "unit": "try --unit deg",
+}
 VERDICT_COLOUR = COLOUR | {"refused": "red"}
 MODE_COLUMNS = (
     "mode",
@@ -33,7 +41,14 @@ def print_identification(
         _print_opinion(found)
     print_paragraph(f"verdict: {found.verdict}", f"{VERDICT_COLOUR[found.verdict]} bold")
     for reason in found.reasons:
-        print_paragraph(f"  - {reason.text}", indent="    ")
+        hint = HINTS.get(reason.code, "")
+        print_paragraph(f"  - {reason.text}{hint and '; '}{hint}", indent="    ")
+    if record.unit == "none" and found.kind == "linear":
+        print_paragraph(
+            "  - the unit is not known, so the frequency is taken not to depend on the amplitude: "
+            "give --unit, for example --unit rad for the angle of a pendulum",
+            indent="    ",
+        )
     if choice is not None:
         _print_choice(found, choice)
 

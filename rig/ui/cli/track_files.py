@@ -106,13 +106,7 @@ class OverlayVideo:
     """Video of the pictures with the axis found drawn over them."""
 
     def __init__(self, path: Path, look: Look, rate_hz: float | None) -> None:
-        """Check ending and folder; raises ConfigError."""
-        check_folder("--overlay", path)
-        if path.suffix not in OVERLAY_CODECS:
-            raise ConfigError(
-                f"--overlay {str(path)!r}; must end in one of {', '.join(OVERLAY_CODECS)}: "
-                "rename it"
-            )
+        """rate_hz: of the source; None where it states none."""
         self._path = path
         self._look = look
         self._rate_hz = rate_hz or DEFAULT_RATE_HZ
@@ -167,6 +161,15 @@ class OverlayVideo:
         x, y = self._look.view.to_picture(point, self._look.size)
         limit = 30_000.0  # of the drawing functions
         return round(min(max(x, -limit), limit)), round(min(max(y, -limit), limit))
+
+
+def check_overlay(path: Path) -> None:
+    """Check ending and folder of an overlay video; raises ConfigError."""
+    check_folder("--overlay", path)
+    if path.suffix not in OVERLAY_CODECS:
+        raise ConfigError(
+            f"--overlay {str(path)!r}; must end in one of {', '.join(OVERLAY_CODECS)}: rename it"
+        )
 
 
 def check_log(path: Path) -> None:

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 import cv2
 from rich.progress import Progress
 
-from rig.errors import BAD_DATA, EXIT_STATUS, OK, ConfigError
-from rig.ui.cli.output import COLOUR, print_json
+from rig.errors import BAD_DATA, EXIT_STATUS, OK, ConfigError, RigError
+from rig.run import runs
+from rig.ui.cli.output import print_json
 from rig.ui.cli.page import err, print_paragraph, print_written
 from rig.ui.cli.track_calibration import read_calibration
-from rig.ui.cli.track_files import OverlayVideo, check_log, write_log, write_table
+from rig.ui.cli.track_files import OverlayVideo, check_log, check_overlay, write_log, write_table
 from rig.ui.cli.track_filter import AngleFilter, Filtered, filter_of
 from rig.ui.cli.track_options import TrackOptions
-from rig.ui.cli.track_verdict import TrackedVideo, VideoJudgement, judge, worded
+from rig.ui.cli.track_text import look_document, print_look, print_video_summary, video_document
+from rig.ui.cli.track_verdict import TrackedVideo, judge, worded
 from rig.ui.plots import picture_file
 from vision.errors import VisionError
 from vision.first_look import Look, Subject
@@ -26,12 +29,8 @@ from vision.video_tracker import VideoTracker
 from vision.view import Point
 
 LOOK_PICTURES = 30
-SUBJECTS = {
-    Subject.CABLE: "a cable that swings",
-    Subject.STILL: "lines that never move",
-    Subject.BOB: "a bob without a visible cable",
-    Subject.NOTHING: "no cable and no bob",
-}
+RUNS = Path("runs")
+STAMPS_NAME, LOG_NAME = "stamps.csv", "run.mcap"  # of a folder of pictures, of a run
 
 
 def track_video(options: TrackOptions) -> int:
@@ -67,7 +66,7 @@ def track_video(options: TrackOptions) -> int:
     if options.look:
         return _show_look(options, tracker.look, source)
     if not options.as_json:
-        _print_look(options, tracker.look, source)
+        print_look(options, tracker.look, source)
     placement = None if calibration is None else calibration.placement
     chosen = MeasureOptions(expected_px, placement, row_s, choices.at_rest)
     rows = _measure(options, source, tracker, chosen)
@@ -80,8 +79,12 @@ def track_video(options: TrackOptions) -> int:
 
 
 def _opened(options: TrackOptions) -> FrameStream:
+    where: str | Path = options.video
+    if not Path(options.video).exists():
+        with suppress(RigError):
+            where = runs.find_log(options.video, RUNS)
     try:
-        return open_source(options.video, options.source())
+        return open_source(where, options.source())
     except VisionError as error:
         raise ConfigError(str(error)) from None
 
@@ -117,12 +120,34 @@ def _no_frames(options: TrackOptions, source: FrameStream) -> Exception:
 
 def _check_files(options: TrackOptions) -> None:
     """Raise ConfigError for a file that cannot be written, before the work."""
+    _check_outputs(options)
     if options.plot is not None:
         picture_file.check(options.plot)
+    if options.overlay is not None:
+        check_overlay(options.overlay)
     if options.csv is not None:
         picture_file.check_folder("--csv", options.csv)
     if options.mcap is not None:
         check_log(options.mcap)
+
+
+def _check_outputs(options: TrackOptions) -> None:
+    """Raise ConfigError for a file to write that is read: it would be lost."""
+    source = Path(options.video)
+    read = [source, *(source / name for name in (STAMPS_NAME, LOG_NAME))]
+    for option, path in (
+        ("--plot", options.plot),
+        ("--csv", options.csv),
+        ("--mcap", options.mcap),
+        ("--overlay", options.overlay),
+    ):
+        if path is None or not path.exists():
+            continue
+        if any(one.exists() and path.samefile(one) for one in read):
+            raise ConfigError(
+                f"{option} '{path}' is what is read; must be another file, or it would be lost: "
+                "choose another name"
+            )
 
 
 def _measure(
@@ -160,9 +185,9 @@ def _finish(options: TrackOptions, tracked: TrackedVideo, wanted: AngleFilter | 
         write_log(options.mcap, joints, about)
     code = OK if judgement.verdict == "good" else BAD_DATA
     if options.as_json:
-        print_json(_document(options, tracked, judgement, filtered, code))
+        print_json(video_document(options, tracked, judgement, filtered, code))
         return code
-    _print_summary(tracked, judgement, filtered)
+    print_video_summary(tracked, judgement, filtered)
     print_written(options.csv, options.mcap, options.overlay, options.plot)
     return code
 
@@ -175,7 +200,7 @@ def _show_look(options: TrackOptions, look: Look, source: FrameStream) -> int:
             {"exit_status": EXIT_STATUS[code], "look": look_document(look), "reasons": texts}
         )
         return code
-    _print_look(options, look, source)
+    print_look(options, look, source)
     for finding in look.findings:
         print_paragraph(f"  - {worded(finding)}", indent="    ")
     print_written(options.plot)
@@ -187,105 +212,3 @@ def _draw_look(options: TrackOptions, look: Look) -> None:
 
     assert options.plot is not None
     picture_file.save(look_figure(look), options.plot)
-
-
-def look_document(look: Look) -> dict[str, Any]:
-    """Collect what a first look found, for JSON."""
-    pivot = look.pivot
-    document: dict[str, Any] = {
-        "subject": look.subject.value,
-        "plane": look.view.plane,
-        "polarity": "bright" if look.view.is_bright else "dark",
-        "turned_deg": 90 * look.view.turns,
-        "width_px": None if look.cable is None else look.cable.width_px,
-        "blur_px": None if look.cable is None else look.cable.blur_px,
-        "pivot_px": look.pivot_in_picture(),
-        "pivot_sigma_px": None if pivot is None else pivot.sigma_px,
-        "pivot_scatter_px": None if pivot is None else pivot.scatter_px,
-        "swing_rad": look.swing_rad,
-        "static_lines": len(look.static_lines),
-    }
-    return document
-
-
-def _document(
-    options: TrackOptions,
-    tracked: TrackedVideo,
-    judgement: VideoJudgement,
-    filtered: Filtered | None,
-    code: int,
-) -> dict[str, Any]:
-    rows = tracked.rows
-    return {
-        "exit_status": EXIT_STATUS[code],
-        "verdict": judgement.verdict,
-        "video": options.video,
-        "frames": len(rows),
-        "valid": sum(row.valid for row in rows),
-        "refused": dict(Counter(row.reason for row in rows if not row.valid)),
-        "calibration": None if tracked.calibration is None else tracked.calibration.name,
-        "look": look_document(tracked.look),
-        "findings": [
-            {"kind": f.kind.value, "first": f.first, "last": f.last, "text": f.text}
-            for f in tracked.findings
-        ],
-        "filter": None if filtered is None else filtered.facts(),
-        "reasons": judgement.reasons,
-        "remarks": judgement.remarks,
-        "rows": [row._asdict() for row in rows],
-    }
-
-
-def _print_look(options: TrackOptions, look: Look, source: FrameStream) -> None:
-    about = source.about
-    rate = "rate not stated" if about.rate_hz is None else f"{about.rate_hz:.4g} frames/s"
-    stated = "" if about.frames is None else f", {about.frames} frames"
-    print_paragraph(
-        f"{options.video}: {about.kind} {about.codec}, {about.width} x {about.height} px, "
-        f"{rate}{stated}"
-    )
-    view = look.view
-    parts = [f"found: {SUBJECTS[look.subject]}"]
-    if look.subject in (Subject.CABLE, Subject.BOB):
-        parts.append(f"{'bright' if view.is_bright else 'dark'} in the {view.plane} plane")
-    if look.cable is not None:
-        parts.append(f"{look.cable.width_px:.1f} px wide")
-    if view.turns:
-        parts.append(f"picture turned by {90 * view.turns} degrees")
-    print_paragraph(", ".join(parts))
-    place = look.pivot_in_picture()
-    if place is not None and look.pivot is not None:
-        across, along = look.pivot.sigma_px
-        if view.turns % 2:
-            across, along = along, across
-        print_paragraph(
-            f"pivot: {place[0]:.2f},{place[1]:.2f} +- {across:.2g},{along:.2g} px, from "
-            f"{look.pivot.lines} pictures"
-        )
-
-
-def _print_summary(
-    tracked: TrackedVideo, judgement: VideoJudgement, filtered: Filtered | None
-) -> None:
-    rows = tracked.rows
-    valid = [row for row in rows if row.valid]
-    refused = Counter(row.reason for row in rows if not row.valid)
-    rejected = ", ".join(f"{reason} {count}" for reason, count in refused.most_common())
-    stamps = Counter(row.stamp for row in rows).most_common(1)[0][0] if rows else "none"
-    text = f"{len(valid)} of {len(rows)} frames with an angle, time stamps: {stamps}"
-    print_paragraph(f"{text}; rejected: {rejected}" if rejected else text)
-    if valid:
-        angles = [row.angle_rad or 0.0 for row in valid]
-        sigmas = sorted(row.sigma_rad or 0.0 for row in valid)
-        where = "in the picture"
-        if tracked.calibration is not None:
-            where = f"of the cable, by {tracked.calibration.name}"
-        print_paragraph(
-            f"angle {where}: {min(angles) * 1e3:.2f} to {max(angles) * 1e3:.2f} mrad, standard "
-            f"deviation {sigmas[len(sigmas) // 2] * 1e3:.3f} mrad (median)"
-        )
-    if filtered is not None:
-        print_paragraph(filtered.text)
-    print_paragraph(f"verdict: {judgement.verdict}", f"{COLOUR[judgement.verdict]} bold")
-    for text in (*judgement.reasons, *judgement.remarks):
-        print_paragraph(f"  - {text}", indent="    ")

@@ -98,8 +98,8 @@ def _print(result: Any, written: Path | None) -> None:
     if result.choice is not None:
         chosen = result.choice.chosen
         print_paragraph(
-            f"planned with {chosen.candidate.words}: at most {1e3 * chosen.worst_rad:.2f} mrad of "
-            "residual swing within two standard deviations of the length"
+            f"planned with {chosen.candidate.words}: two standard deviations of the length add at "
+            f"most {1e3 * chosen.worst_rad:.2f} mrad to the residual swing that is planned"
         )
     table = plain_table("", ("", "before", "after"))
     for row in _rows(result):

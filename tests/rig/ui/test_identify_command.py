@@ -131,3 +131,27 @@ def test_a_plan_for_a_length_leaves_no_swing_there() -> None:
     choice = choose_planner(0.5, 0.01, 0.0)
     for row in choice.rows:
         assert row.residual_rad[2] < 1e-6
+
+
+def test_a_part_beside_the_record_is_refused_with_its_bounds(rig, decay) -> None:
+    code, _, said = rig("identify", decay, "--from", "50")
+    assert code == 2
+    assert "must be within 0 to 19.98 s" in " ".join(said.split())
+
+
+def test_an_unknown_unit_is_said_with_the_option(rig, tmp_path) -> None:
+    t_s = np.arange(0.0, 20.0, 0.02)
+    swing = 0.03 * np.exp(-0.01 * t_s) * np.cos(OMEGA_RAD_S * t_s)
+    swing += np.random.default_rng(1).normal(0.0, 1e-4, t_s.size)
+    (tmp_path / "one.txt").write_text("\n".join(f"{value:.6f}" for value in swing))
+    _, said, _ = rig("identify", "one.txt", "--rate", "50")
+    assert "give --unit" in " ".join(said.split())
+
+
+def test_a_file_that_is_no_table_is_a_wrong_file(rig, tmp_path) -> None:
+    (tmp_path / "empty.csv").write_text("")
+    (tmp_path / "picture.png").write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(200))
+    for name in ("empty.csv", "picture.png"):
+        code, _, said = rig("identify", name)
+        assert code == 2
+        assert name in said

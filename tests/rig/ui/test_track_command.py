@@ -404,3 +404,25 @@ def test_a_folder_without_pictures_and_a_text_are_refused(rig, tmp_path) -> None
     code, _, said = rig("track", "empty")
     assert code == 2
     assert "empty" in said
+
+
+@pytest.mark.parametrize("option", ["--csv", "--overlay", "--mcap", "--plot"])
+def test_what_is_read_is_never_written(rig, video, tmp_path, option: str) -> None:
+    copy = tmp_path / {"--csv": "v.csv.avi", "--mcap": "v.mcap"}.get(option, "v.avi")
+    copy.write_bytes(video.read_bytes())
+    before = copy.read_bytes()
+    code, _, said = rig("track", copy, option, copy)
+    assert code == 2
+    assert "is what is read" in said.replace("\n", " ")
+    assert copy.read_bytes() == before
+
+
+def test_the_last_run_is_tracked_by_its_name(rig) -> None:
+    rig("run", "free_decay", "--virtual", "--no-report", "--set", "experiment.watch_s=4")
+    code, said, _ = rig("track", "last", "--json")
+    document = json.loads(said)
+    assert document["frames"] == document["valid"] > 5
+    code, said, _ = rig("track", "last", "--mcap", "again.mcap")
+    assert code == 0
+    code, said, why = rig("identify", "again.mcap", "--json")
+    assert "experiment.json" not in said + why
