@@ -114,6 +114,7 @@ PREPARATIONS = {
     "track": render_video,
     "calibrate": render_boards,
     "analyze": record_run,
+    "identify": record_run,
     "export": record_run,
     "recover": damage_log,
     "stop": start_operator,

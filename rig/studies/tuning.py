@@ -144,9 +144,7 @@ def _doubts(found: Identification, choice: RobustChoice, after: RunAnalysis) -> 
     """List why the tuned move is not as it should be."""
     doubts = []
     if found.verdict != "good":
-        # the platform still settles below the noise of a picture: it widens the uncertainty alone
-        serious = [reason for reason in found.reasons if reason.code != "not_white"]
-        doubts += [f"identification: {reason.text}" for reason in serious]
+        doubts += [f"identification: {reason.text}" for reason in found.reasons]
     summary = after.summary
     if summary.verdict != "good":
         doubts += summary.reasons

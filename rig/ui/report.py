@@ -61,6 +61,7 @@ def write(folder: Path, analysis: RunAnalysis, twin: RunAnalysis | None = None) 
         _head(s, conclusion),
         element("div", story, parameters, class_="columns first"),
         element("div", *_plots(analysis, twin), class_="columns"),
+        _budget(s),
         _delays(s),
         _field_bus(s),
         _ledger(s),
@@ -108,9 +109,7 @@ def _quantities(analysis: RunAnalysis) -> Html:
     scale = analysis.run.log.metadata["run.start"].get("angle_scale", "uncorrected")
     scale_note = SCALE_NOTES.get(scale.split(",")[0], "")
     note = element("p", SIGMA_NOTE + scale_note, class_="note")
-    budget = budget_rows(s)
-    shown = table(BUDGET_HEADS, budget) if budget else ""
-    return join(table(QUANTITY_HEADS, rows), note, shown)
+    return join(table(QUANTITY_HEADS, rows), note)
 
 
 def _losses(s: Summary, twin: Summary) -> Html:
@@ -214,6 +213,14 @@ def _delays(s: Summary) -> Html:
         ),
     ]
     return join(element("h2", "Delays and accuracy"), table(("quantity", "value"), rows))
+
+
+def _budget(s: Summary) -> Html:
+    """Causes of the standard deviations."""
+    rows = budget_rows(s)
+    if not rows:
+        return join()
+    return join(element("h2", "Standard deviations"), table(BUDGET_HEADS, rows, class_="ledger"))
 
 
 def _ledger(s: Summary) -> Html:

@@ -99,10 +99,12 @@ def _identification(
     if options.is_pendulum:
         length_m = options.gravity_m_s2 / (2 * math.pi * modes[0].frequency_hz) ** 2
         sigma_length_m = root_sum(row.cable_length_m for row in ranked[0].budget)
+    quiet = [reason for reason in (*notes, *reasons) if not reason.is_doubt]
+    doubtful = tuple(reason for reason in reasons if reason.is_doubt)
     return Identification(
-        verdict="doubtful" if reasons else "good",
-        reasons=tuple(reasons),
-        notes=tuple(note for note in notes if not note.is_doubt),
+        verdict="doubtful" if doubtful else "good",
+        reasons=doubtful,
+        notes=tuple(quiet),
         kind=_kind(options),
         unit=options.unit,
         samples=record.t_s.size,

@@ -15,6 +15,7 @@ from rig.analysis.identify.spectrum import line_amplitudes
 
 FloatArray = npt.NDArray[np.float64]
 
+QUIET_OVER_NOISE = 1.5  # a residual no larger than its noise may follow itself
 MAX_RESIDUAL_OVER_NOISE = 3.0
 WHITENESS_LAGS = 25
 MIN_WHITENESS_P = 1e-3
@@ -52,7 +53,9 @@ def residual_reasons(found: FittedDecay, noise: float) -> list[Reason]:
             Reason(
                 "not_white",
                 f"the residual follows itself (portmanteau p = {chance:.1e} over "
-                f"{WHITENESS_LAGS} lags): slow noise, or a term that the model lacks",
+                f"{WHITENESS_LAGS} lags): slow noise, or a term that the model lacks; the "
+                "uncertainty is widened for it",
+                is_doubt=rms > QUIET_OVER_NOISE * noise,
             )
         )
     amplitude = strongest_amplitude(found)

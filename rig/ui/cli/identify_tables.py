@@ -12,7 +12,6 @@ from rig.ui.cli.page import Column, plain_table, print_command, print_paragraph,
 
 HINTS = {  # by code of a reason
     "kind": "try --kind linear, or another --unit",
-    "not_white": "the uncertainty is widened for it",
     "holes": "the uncertainty is widened for it; record without losses",
     "halves": "look at the damping over amplitude, or take a part with --from and --to",
     "unresolved": "record longer, so that the modes can be told apart",

@@ -179,4 +179,6 @@ def test_the_peaks_are_in_the_json_document() -> None:
         "following_error_m",
         "following_error_bound_m",
         "setpoints_outside",
+        "tracking_delay_rms_m",
+        "tracking_distortion_rms_m",
     }
