@@ -8,10 +8,17 @@ from typing import Annotated, Any
 import typer
 
 from rig.errors import EXIT_STATUS, ConfigError
+from rig.run.runtime.execute import ClockMode
+from rig.studies import tuning
+from rig.studies.tuning import Tuning
 from rig.ui.cli import completion
 from rig.ui.cli.common_options import AsJson, Overrides
+from rig.ui.cli.identify_record import choice_document, identification_document
+from rig.ui.cli.identify_tables import with_sigma
 from rig.ui.cli.output import COLOUR, print_json
 from rig.ui.cli.page import plain_table, print_command, print_paragraph, print_table, print_written
+from rig.ui.cli.tuned_file import tuned_text
+from rig.ui.cli.tuning_run import run_titled
 
 DEFAULT_OUT = Path("tuned.toml")
 
@@ -43,13 +50,12 @@ def tune(
     Length and damping come from the log, the planner from their uncertainty. Exit code 6 if the
     load cannot be identified or the tuned move swings more than predicted.
     """
-    from rig.run.runtime.execute import ClockMode
-    from rig.studies import tuning
-    from rig.ui.cli.tuned_file import tuned_text
-    from rig.ui.cli.tuning_run import run_titled
-
     if out.suffix != ".toml" or not out.parent.is_dir():
         raise ConfigError(f"--out '{out}'; must be a .toml file in a folder that exists: rename it")
+    if out.exists() and Path(name).is_file() and out.samefile(name):
+        raise ConfigError(
+            f"--out '{out}' is the experiment that is read; must be another: rename it"
+        )
     mode: ClockMode = "virtual" if virtual else "wall"
     changes = list(overrides or [])
     result = tuning.tune(
@@ -65,7 +71,7 @@ def tune(
     return result.exit_code
 
 
-def _rows(result: Any) -> list[tuple[str, str, str]]:
+def _rows(result: Tuning) -> list[tuple[str, str, str]]:
     """Titles with the values before and after."""
     before = result.before.summary
     after = None if result.after is None else result.after.summary
@@ -83,13 +89,12 @@ def _rows(result: Any) -> list[tuple[str, str, str]]:
     return rows
 
 
-def _print(result: Any, written: Path | None) -> None:
-    from rig.ui.cli.identify_tables import with_sigma
-
+def _print(result: Tuning, written: Path | None) -> None:
     found = result.found
-    if found.cable_length_m is not None and found.modes:
+    length_m, sigma_m = found.cable_length_m, found.sigma_cable_length_m
+    if length_m is not None and sigma_m is not None and found.modes:
         mode = found.modes[0]
-        length = with_sigma(found.cable_length_m, found.sigma_cable_length_m)
+        length = with_sigma(length_m, sigma_m)
         damping = with_sigma(mode.damping_ratio, mode.sigma_damping_ratio)
         frequency = with_sigma(mode.frequency_hz, mode.sigma_frequency_hz)
         print_paragraph(
@@ -113,9 +118,7 @@ def _print(result: Any, written: Path | None) -> None:
         print_command("next:", f"rig run {written}")
 
 
-def _document(result: Any, written: Path | None) -> dict[str, Any]:
-    from rig.ui.cli.identify_record import choice_document, identification_document
-
+def _document(result: Tuning, written: Path | None) -> dict[str, Any]:
     return {
         "exit_status": EXIT_STATUS[result.exit_code],
         "exit_code": result.exit_code,

@@ -55,3 +55,10 @@ def test_the_written_file_says_what_the_experiment_says(name: str, tmp_path: Pat
     path = tmp_path / "copy.toml"
     path.write_text(tuned_text(name, []))
     assert config.read_experiment(str(path), []) == config.read_experiment(name, [])
+
+
+def test_the_experiment_that_is_read_is_never_written(rig, tmp_path) -> None:
+    (tmp_path / "mine.toml").write_text(tuned_text("move", []))
+    code, _, said = rig("tune", "mine.toml", "--virtual", "--out", "mine.toml")
+    assert code == 2
+    assert "is the experiment that is read" in " ".join(said.split())
