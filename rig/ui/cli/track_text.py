@@ -48,6 +48,7 @@ def video_document(
     filtered: Filtered | None,
     code: int,
 ) -> dict[str, Any]:
+    """Collect the answer for JSON."""
     rows = tracked.rows
     return {
         "exit_status": EXIT_STATUS[code],
@@ -70,6 +71,7 @@ def video_document(
 
 
 def print_look(options: TrackOptions, look: Look, source: FrameStream) -> None:
+    """Print the source, and what the first look found in it."""
     about = source.about
     rate = "rate not stated" if about.rate_hz is None else f"{about.rate_hz:.4g} frames/s"
     stated = "" if about.frames is None else f", {about.frames} frames"
@@ -100,6 +102,7 @@ def print_look(options: TrackOptions, look: Look, source: FrameStream) -> None:
 def print_video_summary(
     tracked: TrackedVideo, judgement: VideoJudgement, filtered: Filtered | None
 ) -> None:
+    """Print counts, angles, filter and verdict of a video."""
     rows = tracked.rows
     valid = [row for row in rows if row.valid]
     refused = Counter(row.reason for row in rows if not row.valid)
