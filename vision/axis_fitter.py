@@ -21,7 +21,7 @@ from vision.line_fit import (
     huber_line,
     local_noise,
 )
-from vision.row_offsets import row_offsets
+from vision.row_offsets import near_gap, row_offsets
 from vision.static_scene import StaticScene
 from vision.templates import CableLook, make_templates
 
@@ -102,6 +102,9 @@ class AxisFitter:
         min_curvature = MIN_CURVATURE_SIGMAS * self._templates.second_norm * noise
         good = (np.abs(offset_px) < self._max_newton_px) & (curvature > min_curvature)
         count = int(np.count_nonzero(good))
+        if count < len(v):
+            good &= ~near_gap(good)
+            count = int(np.count_nonzero(good))
         if count < MIN_ROWS:
             return None
         if count < len(v):

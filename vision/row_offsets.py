@@ -8,13 +8,19 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from vision.line_fit import FloatArray, Grey, RowOffsets, Rows
 from vision.templates import PHASES, Templates
 
 GRADIENT_ROWS = 40  # of a block in which the gradient of the background is averaged
 GRADIENT_SIGMAS, MIN_GRADIENT_1_PX = 4.0, 0.1  # less is noise, rounding or a blurred edge
+GAP_ROWS = 5  # in a row that show no cable; fewer are noise
+MARGIN_ROWS = 12  # beside a gap; compression spreads an edge over 8 rows, and over 16 in colour
+MAX_SCATTERED = 0.05  # of the rows, bad by themselves
+MIN_LEFT = 0.6  # of the good rows
 MAX_GRADIENT_1_PX = 3.0  # grey levels a pixel; more is an edge beside the cable
 MIN_CURVATURE = 1e-6  # grey/px^2; avoids a division by zero
 
@@ -78,6 +84,25 @@ def _background_gradient(
 
 def _exceeds(values: FloatArray, limit: float) -> bool:
     return any(abs(value) > limit for value in values.tolist())
+
+
+def near_gap(good: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Mark rows (N,) beside a gap in good rows: the edge of a load or a hand pulls them aside.
+
+    None where single rows are bad all over, as in noise, or where too few rows would be left.
+    """
+    bad = (~good).astype(np.uint8)[:, None]
+    kernel = np.ones((GAP_ROWS, 1), np.uint8)
+    gaps = cv2.morphologyEx(bad, cv2.MORPH_OPEN, kernel)
+    scattered = int(bad.sum()) - int(gaps.sum())
+    none = np.zeros(good.size, np.bool_)
+    if scattered > MAX_SCATTERED * good.size:
+        return none
+    joined = cv2.morphologyEx(bad, cv2.MORPH_CLOSE, kernel)  # across single rows that seem good
+    gaps = cv2.morphologyEx(joined, cv2.MORPH_OPEN, kernel)
+    near = cv2.dilate(gaps, np.ones((2 * MARGIN_ROWS + 1, 1), np.uint8)).ravel() > 0
+    left = int(np.count_nonzero(good & ~near))
+    return near if left >= MIN_LEFT * np.count_nonzero(good) else none
 
 
 def refined_columns(image: Grey, v: Rows, u: Rows, templates: Templates) -> FloatArray:
