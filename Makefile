@@ -43,9 +43,13 @@ OLDEST_LEAVES_OUT := $(addprefix --ignore=tests/,test_readme_commands.py test_en
   rig/run/test_two_cameras.py rig/ui/test_calibrate_command.py rig/ui/test_calibrate_camera_command.py \
   rig/ui/test_help.py rig/ui/test_law_commands.py \
   rig/ui/test_track_command.py rig/ui/test_tune_command.py rig/run/test_static_scene.py rig/run/test_bench_faults.py \
+  comms/test_wall_runner.py comms/test_strangers.py rig/run/test_bounded.py rig/run/test_setpoint_gate.py \
+  rig/run/test_interpolator.py rig/run/test_streamer.py rig/run/test_safety.py rig/run/test_controller.py \
+  rig/run/test_following.py rig/run/test_operator_process.py rig/run/test_starvation.py rig/run/test_run_out.py \
   vision/test_video_tracker.py vision/test_look_findings.py vision/test_tracked.py vision/test_scene_check.py \
   rig/ui/test_report_in_browser.py rig/ui/test_servo_observer_command.py) \
-  $(addprefix --ignore=,$(filter-out tests/sim_rig/test_bench_camera.py,$(wildcard tests/sim_rig/test_*.py)))
+  $(addprefix --ignore=,$(filter-out tests/sim_rig/test_bench_camera.py,$(wildcard tests/sim_rig/test_*.py)) \
+  $(wildcard tests/rig/drives/test_cia402_*.py))
 setup-oldest: $(OLDEST)/.ready
 
 $(OLDEST)/.ready: pyproject.toml constraints-oldest.txt

@@ -104,8 +104,8 @@ class Outcome(NamedTuple):
 
 def main() -> None:
     """Measure and print."""
-    count = 3 if is_short() else int(_argument("--records", "60"))
-    word = _argument("--rows", "")
+    count = 2 if is_short() else int(_argument("--records", "60"))
+    word = _argument("--rows", "zeta" if is_short() else "")
     print(interpreter_line(), end="\n\n")
     print(
         f"{'case':28s}{'f/CRB':>8s}{'z/CRB':>8s}{'f 2s':>6s}{'z 2s':>6s}{'med f':>6s}{'med z':>6s}"
