@@ -14,6 +14,7 @@ from comms.records import LinkRow
 from rig.analysis import delays, quantities, verdict
 from rig.analysis.across import across
 from rig.analysis.field_bus import field_bus
+from rig.analysis.identified_swing import chain_modes
 from rig.analysis.identify.decay import DecayFit, fit_decay
 from rig.analysis.identify.errors import AnalysisError
 from rig.analysis.joint import joint_run
@@ -80,6 +81,7 @@ def _summary(run: RunLog, fit: DecayFit | None) -> Summary:
         sigma=total(budget),
         sigma_noise=noise,
         budget=budget,
+        modes=chain_modes(run),
         truth=quantities.true_quantities(run),
         planned=quantities.planned_quantities(run),
         latency_ms=delays.latency(run),

@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 import msgspec
 
+from rig.analysis.run_mode import RunMode
+
 
 class Quantities(msgspec.Struct, kw_only=True):
     """The five quantities of a run; None = not identifiable in this run."""
@@ -258,6 +260,7 @@ class Summary(msgspec.Struct, kw_only=True):
     digest: str | None
     sigma_noise: Quantities = msgspec.field(default_factory=Quantities)  # of the noise alone
     budget: list[BudgetTerm] = []
+    modes: list[RunMode] = []  # of a load that [model] says is a chain
     # from the planned end of the move until the swing stays within [analysis] settling_band_rad
     settling_s: float | None = None
     initial_swing_rad: float | None = None

@@ -11,9 +11,8 @@ from typing import NamedTuple
 from planners.catalog import PLANNERS
 from planners.problem import Limits
 from rig.analysis.analyze import RunAnalysis
+from rig.analysis.identified_swing import identify_swing
 from rig.analysis.identify.identification import Identification
-from rig.analysis.identify.identify import identify_record
-from rig.analysis.identify.identify_options import IdentifyOptions
 from rig.errors import BAD_DATA, OK, ConfigError
 from rig.run import config
 from rig.run.config import Experiment
@@ -56,11 +55,11 @@ def tune(name: str, changes: list[str], run: Run) -> Tuning:
     _check(first)
     before = run("before", first)
     source, excited = before, None
-    found = identify_run(before)
+    found = identify_swing(before.run)
     if not _is_enough(found):
         exciting = [*changes, f"experiment.planner={EXCITING_PLANNER}", "plan.robust=[]"]
         source = excited = run("excite", config.read_experiment(name, exciting))
-        found = identify_run(source)
+        found = identify_swing(source.run)
     length_m, sigma_m = found.cable_length_m, found.sigma_cable_length_m
     if length_m is None or sigma_m is None or not found.modes:
         texts = tuple(reason.text for reason in found.reasons)
@@ -88,29 +87,6 @@ def tune(name: str, changes: list[str], run: Run) -> Tuning:
     reasons = tuple(_doubts(found, choice, after))
     verdict = "doubtful" if reasons else "good"
     return Tuning(before, excited, found, choice, after, tuned, verdict, reasons)
-
-
-def identify_run(analysis: RunAnalysis) -> Identification:
-    """Identify the load from the swing after the move, as it stands in the log of a run."""
-    run = analysis.run
-    t_s, angle_rad, _ = run.swing
-    terms = run.facts.analysis
-    scale_rel = terms.angle_scale_rel
-    if scale_rel is None:
-        scale_rel = run.angle_scale_of(run.main_camera).sigma_rel
-    options = IdentifyOptions(
-        unit="rad",
-        kind="pendulum",
-        from_s=run.t_settled_s,
-        average_frames=run.facts.average_frames,
-        frame_period_s=1.0 / run.facts.rate_of(run.main_camera),
-        angle_scale_rel=scale_rel,
-        clock_ppm=terms.clock_ppm,
-        gain_drift_rel=terms.gain_drift_rel,
-        gravity_m_s2=run.facts.gravity_m_s2,
-        gravity_sigma_m_s2=terms.gravity_sigma_m_s2,
-    )
-    return identify_record(t_s, angle_rad, options)
 
 
 def _check(experiment: Experiment) -> None:

@@ -161,9 +161,21 @@ def _status_lines(s: Summary) -> list[str]:
         lines.append(_processor_line(s))
     if s.field_bus is not None:
         lines.append(_field_bus_line(s.field_bus))
+    if s.modes:
+        lines.append(_modes_line(s))
     if s.swing_error.outside_move_rad is not None:
         lines.append(_swing_error_line(s))
     return lines
+
+
+def _modes_line(s: Summary) -> str:
+    """Describe the modes of a chain."""
+    texts = [
+        f"{mode.frequency_hz:.4f} ± {mode.sigma_frequency_hz:.1g} Hz at "
+        f"{1e3 * mode.amplitude_rad:.2g} mrad"
+        for mode in s.modes
+    ]
+    return f"modes ({s.modes[0].verdict}): {'; '.join(texts)}"
 
 
 def _path_lines(s: Summary) -> list[str]:
