@@ -9,6 +9,7 @@ from pathlib import Path
 
 from rig.errors import Refused, RigError
 
+RUNS = Path("runs")  # folder of the run folders
 MODE = 0o750  # of a folder: the runs of a user are not for all users
 LOG, REPORT = "run.mcap", "report.html"
 

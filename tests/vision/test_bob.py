@@ -171,10 +171,10 @@ def test_what_does_not_swing_is_no_bob() -> None:
     assert looked(bobs(swing(4), 12)) is None  # too few
 
 
-def test_a_load_that_moves_straight_on_does_not_tell_the_distance_of_its_pivot() -> None:
+def test_a_load_that_moves_straight_on_is_no_pendulum() -> None:
     random = np.random.default_rng(18)
-    found = looked([picture(disc((60.0 + 4.0 * k, 80.0), 9.0), random) for k in range(COUNT)])
-    assert found is None or found.circle.sigma_centre_px[1] > 20.0
+    pictures = [picture(disc((60.0 + 4.0 * k, 80.0), 9.0), random) for k in range(COUNT)]
+    assert looked(pictures) is None
 
 
 def test_a_load_wider_than_its_way_is_seen_whole() -> None:

@@ -23,9 +23,7 @@ from rig.ui.cli.output import print_json, working
 from rig.ui.cli.page import print_written
 from rig.ui.plots import picture_file
 
-RUNS = Path("runs")
 LENGTHS_M = (0.05, 20.0)  # of a cable for which a move is planned
-LOG_NAME = "run.mcap"
 HARMLESS = ("not_white", "holes", "halves", "clock")  # widen the result, and leave it
 OWN_LOG = "log of a run"  # kind of a record of ours
 
@@ -85,7 +83,7 @@ def _found(file: Path) -> Path:
     if file.exists():
         return file
     try:
-        return runs.find_log(str(file), RUNS)
+        return runs.find_log(str(file), runs.RUNS)
     except RigError:
         raise ConfigError(
             f"{file}: no such file and no such run; must be a table, a trace, a log or a run: "
@@ -96,7 +94,7 @@ def _found(file: Path) -> Path:
 def _of_record(request: IdentifyRequest, record: SignalRecord) -> IdentifyOptions:
     """Add what the record knows; a run of ours knows its average and when its move had settled."""
     options = replace(request.model, unit=record.unit)
-    path = request.file / LOG_NAME if request.file.is_dir() else request.file
+    path = request.file / runs.LOG if request.file.is_dir() else request.file
     if not record.kind.startswith(OWN_LOG):
         return options
     try:

@@ -9,6 +9,7 @@ from rig.analysis.readers.signal_record import SignalRecord
 from rig.studies.robust_choice import SIGMAS, RobustChoice
 from rig.ui.cli.output import COLOUR
 from rig.ui.cli.page import Column, plain_table, print_command, print_paragraph, print_table
+from rig.ui.shown_unit import shown_unit
 
 HINTS = {  # by code of a reason
     "kind": "try --kind linear, or another --unit",
@@ -27,7 +28,6 @@ MODE_COLUMNS = (
     Column("Q", drop=1),
 )
 BUDGET_COLUMNS = ("uncertainty", "frequency [mHz]", "damping ratio", Column("length [mm]", drop=1))
-SHOWN_UNIT = {"rad": ("mrad", 1e3), "m": ("mm", 1e3), "V": ("mV", 1e3)}
 
 
 def print_identification(
@@ -62,7 +62,7 @@ def with_sigma(value: float, sigma: float) -> str:
 
 def amplitude_text(value: float, unit: str) -> str:
     """Format an amplitude in a unit that is easily read."""
-    name, factor = SHOWN_UNIT.get(unit, ("" if unit == "none" else unit, 1.0))
+    name, factor = shown_unit(unit)
     return f"{value * factor:.3g} {name}".rstrip()
 
 

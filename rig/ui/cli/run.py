@@ -21,7 +21,7 @@ from rig.analysis.summary import Summary
 from rig.errors import FAULT, REFUSED, STOPPED, ConfigError, Stopped
 from rig.run import config, experiment
 from rig.run.job import Job, plan_move
-from rig.run.runs import LOG
+from rig.run.runs import LOG, RUNS
 from rig.run.runtime.execute import ClockMode
 from rig.run.tasks.operator import Operator
 from rig.run.tasks.pause import BUSY_HINT
@@ -32,8 +32,6 @@ from rig.ui.cli.page import err, print_paragraph, print_table, print_whole
 from rig.ui.cli.planner_comparison import NotRun, Result
 from rig.ui.cli.run_announcement import announcement
 from rig.ui.cli.run_list import list_experiments
-
-RUNS = Path("runs")
 
 
 class ClockChoice(enum.Enum):

@@ -29,8 +29,7 @@ from vision.video_tracker import VideoTracker
 from vision.view import Point
 
 LOOK_PICTURES = 30
-RUNS = Path("runs")
-STAMPS_NAME, LOG_NAME = "stamps.csv", "run.mcap"  # of a folder of pictures, of a run
+STAMPS_NAME = "stamps.csv"  # of a folder of pictures
 
 
 def track_video(options: TrackOptions) -> int:
@@ -82,7 +81,7 @@ def _opened(options: TrackOptions) -> FrameStream:
     where: str | Path = options.video
     if not Path(options.video).exists():
         with suppress(RigError):
-            where = runs.find_log(options.video, RUNS)
+            where = runs.find_log(options.video, runs.RUNS)
     try:
         return open_source(where, options.source())
     except VisionError as error:
@@ -134,7 +133,7 @@ def _check_files(options: TrackOptions) -> None:
 def _check_outputs(options: TrackOptions) -> None:
     """Raise ConfigError for a file to write that is read: it would be lost."""
     source = Path(options.video)
-    read = [source, *(source / name for name in (STAMPS_NAME, LOG_NAME))]
+    read = [source, *(source / name for name in (STAMPS_NAME, runs.LOG))]
     for option, path in (
         ("--plot", options.plot),
         ("--csv", options.csv),

@@ -9,18 +9,18 @@ from matplotlib.figure import Figure
 from rig.analysis.identify.identification import Identification
 from rig.analysis.readers.signal_record import SignalRecord
 from rig.ui.plots.style import BLUE, GREEN, GREY, INK, ORANGE, RED, style_axes
+from rig.ui.shown_unit import shown_unit
 
 MAX_POINTS = 4000  # drawn of a long record
 DOT_PT = 2.0
-SHOWN_UNIT = {"rad": ("mrad", 1e3), "m": ("mm", 1e3), "V": ("mV", 1e3)}
 
 
 def identification_figure(record: SignalRecord, found: Identification) -> Figure:
     """Draw a record with its fit, and what the checks of the fit look at."""
     figure = Figure(figsize=(9.0, 7.5))
     grid = figure.add_gridspec(3, 2, height_ratios=(1.3, 0.8, 1.1))
-    unit, factor = SHOWN_UNIT.get(found.unit, (found.unit, 1.0))
-    label = "signal" if unit == "none" else f"signal [{unit}]"
+    unit, factor = shown_unit(found.unit)
+    label = f"signal [{unit}]" if unit else "signal"
     upper = figure.add_subplot(grid[0, :])
     _draw_signal(upper, record, found, factor, label)
     _draw_residual(figure.add_subplot(grid[1, :], sharex=upper), found, factor, unit)
