@@ -52,7 +52,7 @@ def budget_of(
     )
     record_s = fit.periods / frequency_hz
     drift = terms.gain_drift_rel / (2.0 * math.pi * frequency_hz * record_s)
-    rows.append(BudgetTerm(term="drift of the scale", damping_ratio=drift))
+    rows.append(BudgetTerm(term="gain drift", damping_ratio=drift))
     if halves is not None:
         rows.append(_model_term(halves, frequency_hz, length_m))
     gravity_rel = terms.gravity_sigma_m_s2 / gravity_m_s2
@@ -86,7 +86,7 @@ def _model_term(
         second.sigma_damping_ratio,
     )
     return BudgetTerm(
-        term="model",
+        term="halves",
         natural_frequency_hz=frequency,
         damping_ratio=damping,
         cable_length_m=_times(length_m, 2.0 * frequency / frequency_hz),
